@@ -1,0 +1,1 @@
+"""Materials, their calibration, and the forms built from them; knows neither `app` nor `geometry`."""
