@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Annotated, Any, NamedTuple, get_args
 
 from forms.kinematics import PrincipalStretches, Scalar
@@ -15,19 +16,31 @@ class MaterialError(ValueError):
     """A material, parameter or target that cannot be: one line with what was expected and what came."""
 
 
+def as_number(value: Any, where: str) -> float:
+    """The value as a float.
+
+    Raises:
+        MaterialError: If it is not a real number; a word that reads like one is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise MaterialError(f"{where}: expected a number, got {value!r}")
+    return float(value)
+
+
 class Bounds(NamedTuple):
     """Open interval of a parameter; a modulus has the unit of stress and scales with E."""
 
     low: float
     high: float
     modulus: bool
+    nonzero: bool = False
 
 
 _INF = float("inf")
 Modulus = Annotated[Any, Bounds(-_INF, _INF, True)]
 PositiveModulus = Annotated[Any, Bounds(0.0, _INF, True)]
 Number = Annotated[Any, Bounds(-_INF, _INF, False)]
-Positive = Annotated[Any, Bounds(0.0, _INF, False)]
+Exponent = Annotated[Any, Bounds(-_INF, _INF, False, nonzero=True)]
 
 
 class Parts(NamedTuple):
@@ -73,6 +86,11 @@ class Energy:
         """
         return self.parts(measures, self.values if values is None else values).total
 
+    @property
+    def has_lambda(self) -> bool:
+        """Whether the energy states a λ part; without one, λ_Lamé is zero."""
+        return self.parts(PrincipalStretches((1.0, 1.0, 1.0)), self.values).volume is not None
+
     def constants(self) -> list[float]:
         """All parameter values in one list, in the order that `unpack` reads."""
         return [number for value in self.values.values() for number in _terms(value)]
@@ -111,19 +129,18 @@ class Parameter:
         Raises:
             MaterialError: If it is not a number, has no terms, or lies outside the bounds.
         """
+        where = f"{where}.{self.name}"
         wants_terms = isinstance(self.default, tuple)
-        expected = "a list of numbers" if wants_terms else "a number"
-        if isinstance(value, list | tuple) != wants_terms or not value and wants_terms:
-            raise MaterialError(f"{where}.{self.name}: expected {expected}, got {value!r}")
-        try:
-            numbers = tuple(float(term) for term in _terms(tuple(value) if wants_terms else value))
-        except (TypeError, ValueError):
-            raise MaterialError(f"{where}.{self.name}: expected {expected}, got {value!r}") from None
+        if isinstance(value, list | tuple) != wants_terms or (wants_terms and not value):
+            expected = "a list of numbers" if wants_terms else "a number"
+            raise MaterialError(f"{where}: expected {expected}, got {value!r}")
+        numbers = tuple(as_number(term, where) for term in (value if wants_terms else (value,)))
         for number in numbers:
             if not self.bounds.low < number < self.bounds.high:
-                raise MaterialError(
-                    f"{where}.{self.name}: must lie between {self.bounds.low:g} and {self.bounds.high:g}, got {number:g}"
-                )
+                limits = f"{self.bounds.low:g} and {self.bounds.high:g}"
+                raise MaterialError(f"{where}: must lie between {limits}, got {number:g}")
+            if self.bounds.nonzero and number == 0:
+                raise MaterialError(f"{where}: must not be 0, the limit of its formula")
         return numbers if wants_terms else numbers[0]
 
 
@@ -181,9 +198,11 @@ class Material:
             else:
                 names = ", ".join([*known, *self.options]) or "none"
                 raise MaterialError(f"{self.name}: unknown parameter {name!r}; it has {names}")
-        lengths = {name: len(value) for name, value in {**self.defaults, **values}.items() if isinstance(value, tuple)}
+        complete = self.defaults | values
+        lengths = {name: len(value) for name, value in complete.items() if isinstance(value, tuple)}
         if len(set(lengths.values())) > 1:
-            raise MaterialError(f"{self.name}: expected as many terms in each of {', '.join(lengths)}, got {lengths}")
+            names = ", ".join(lengths)
+            raise MaterialError(f"{self.name}: expected as many terms in each of {names}, got {lengths}")
         return values, options
 
     def energy(self, **given: Any) -> Energy:
@@ -228,7 +247,7 @@ def material(
         parameters = []
         for entry in signature:
             if entry.kind is entry.KEYWORD_ONLY:
-                if entry.name not in options or entry.default != tuple(options[entry.name])[0]:
+                if entry.name not in options or entry.default != next(iter(options[entry.name])):
                     raise TypeError(f"{name}: option {entry.name} must default to its first declared choice")
                 continue
             bounds = [extra for extra in get_args(entry.annotation) if isinstance(extra, Bounds)]

@@ -3,17 +3,19 @@
 Chen & Barbič, Sections 3-4. All derivatives are UFL's own, in the stretches and in the parameters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import ufl
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-from ufl.algorithms.apply_derivatives import apply_derivatives
+from numpy.typing import NDArray
 
-from forms.energy import Energy, Material, MaterialError
-from forms.kinematics import PrincipalStretches, Scalar
+from forms.energy import Energy, Material, MaterialError, as_number
+from forms.kinematics import PrincipalStretches, as_numpy, evaluate
+
+__all__ = ["Linearization", "calibrate", "check_rest", "evaluate", "lame_pair", "linearize"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ def lame_pair(E: float, nu: float) -> tuple[float, float]:
     Raises:
         MaterialError: Unless E > 0 and -1 < ν < 0.5.
     """
+    E, nu = as_number(E, "E"), as_number(nu, "nu")
     if not 0 < E < float("inf"):
         raise MaterialError(f"E: must be a positive number, got {E!r}")
     if not -1 < nu < 0.5:
@@ -57,23 +60,56 @@ def lame_pair(E: float, nu: float) -> tuple[float, float]:
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
-def evaluate(expression: Scalar) -> float:
-    """The value of a UFL expression of numbers, with its derivatives carried out."""
-    return float(apply_derivatives(apply_algebra_lowering(ufl.as_ufl(expression)))(()))
+class _RestState:
+    """An energy's linearisation as a function of its parameters: differentiated once, evaluated often."""
 
+    def __init__(self, energy: Energy) -> None:
+        self.name = energy.name
+        self._constants = [ufl.variable(ufl.as_ufl(1.0)) for _ in energy.constants()]
+        s = [ufl.variable(ufl.as_ufl(1.0)) for _ in range(3)]
+        psi = ufl.as_ufl(energy.density(PrincipalStretches(s), energy.unpack(self._constants)))
+        first = ufl.diff(psi, s[0])
+        mixed = ufl.diff(first, s[1])
+        self._pair = mixed, (ufl.diff(first, s[0]) - mixed) / 2
+        self._values = as_numpy([psi, first, *self._pair], self._constants)
 
-def _at_rest(energy: Energy, constants: Sequence[Scalar]) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """ψ, ∂₁ψ, λ_Lamé and μ_Lamé at rest as UFL expressions of the constants."""
-    s = [ufl.variable(ufl.as_ufl(1.0)) for _ in range(3)]
-    psi = ufl.as_ufl(energy.density(PrincipalStretches(s), energy.unpack(constants)))
-    first = ufl.diff(psi, s[0])
-    mixed = ufl.diff(first, s[1])
-    return psi, first, mixed, (ufl.diff(first, s[0]) - mixed) / 2
+    @cached_property
+    def _slopes(self) -> Callable[..., tuple[Any, ...]]:
+        slopes = [ufl.diff(value, constant) for value in self._pair for constant in self._constants]
+        return as_numpy(slopes, self._constants)
+
+    def at(self, constants: Sequence[float]) -> Linearization:
+        """The linearisation with these values of the constants, in the order of `Energy.constants`."""
+        return Linearization(*map(float, self._values(*constants)))
+
+    def jacobian(self, constants: Sequence[float]) -> NDArray[np.float64]:
+        """The Lamé pair's derivatives, shape (2, number of constants)."""
+        return np.array(self._slopes(*constants)).reshape(2, -1)
+
+    def check(self, constants: Sequence[float]) -> Linearization:
+        """Refuses stress at rest, and moduli that are not positive."""
+        at_rest = self.check_stress(constants)
+        shear, bulk = at_rest.lame_mu, at_rest.lame_lambda + 2 * at_rest.lame_mu / 3
+        if not (shear > 0 and bulk > 0):
+            raise MaterialError(
+                f"{self.name}: expected positive shear and bulk moduli at rest, got {shear:g} and {bulk:g}"
+            )
+        return at_rest
+
+    def check_stress(self, constants: Sequence[float]) -> Linearization:
+        """Refuses stress at rest."""
+        at_rest = self.at(constants)
+        if not abs(at_rest.stress) <= 1e-10 * (abs(at_rest.lame_mu) + abs(at_rest.lame_lambda)):
+            raise MaterialError(
+                f"{self.name}: stressed at rest, ∂ψ/∂λᵢ(1) = {at_rest.stress:g}; "
+                'expected an energy at rest, such as variant = "corrected"'
+            )
+        return at_rest
 
 
 def linearize(energy: Energy) -> Linearization:
     """The energy's value, stress and Lamé pair at rest."""
-    return Linearization(*(evaluate(value) for value in _at_rest(energy, energy.constants())))
+    return _RestState(energy).at(energy.constants())
 
 
 def check_rest(energy: Energy) -> Linearization:
@@ -82,19 +118,7 @@ def check_rest(energy: Energy) -> Linearization:
     Raises:
         MaterialError: If it is not; the message names the stress, or the moduli.
     """
-    at_rest = linearize(energy)
-    scale = abs(at_rest.lame_mu) + abs(at_rest.lame_lambda)
-    if not abs(at_rest.stress) <= 1e-10 * scale:
-        raise MaterialError(
-            f"{energy.name}: stressed at rest, ∂ψ/∂λᵢ(1) = {at_rest.stress:g}; "
-            'expected an energy at rest, such as variant = "corrected"'
-        )
-    bulk = at_rest.lame_lambda + 2 * at_rest.lame_mu / 3
-    if not (at_rest.lame_mu > 0 and bulk > 0):
-        raise MaterialError(
-            f"{energy.name}: expected positive shear and bulk moduli at rest, got {at_rest.lame_mu:g} and {bulk:g}"
-        )
-    return at_rest
+    return _RestState(energy).check(energy.constants())
 
 
 def calibrate(
@@ -107,16 +131,17 @@ def calibrate(
 ) -> Energy:
     """The energy of a material whose Lamé pair is that of E and ν (Chen & Barbič, Section 4).
 
-    Two parameters are solved for exactly. A material with more keeps the others as given; those not given keep
-    their default ratio to E. A material with λ = 0 at rest is scaled as a whole.
+    Two parameters are solved for exactly. A material with more keeps the others as given; those not given
+    keep their default ratio to E. A material with λ = 0 at rest is scaled as a whole.
 
     Args:
         material: Catalogue entry.
         E: Young's modulus, in the unit of stress.
         nu: Poisson's ratio.
-        given: Parameters and options that differ from the defaults.
+        given: Parameters and options that differ from the defaults. A parameter named in `solve_for` starts
+            there; the terms of a scaled material keep their ratios.
         solve_for: Two parameters to solve for; or "least" for the least relative change of all; or None for
-            the material's usual pair.
+            the material's usual pair, none of which may then be given.
         augmented: Whether a λ part is to be added: a material with λ = 0 then serves at any ν.
 
     Raises:
@@ -124,25 +149,35 @@ def calibrate(
             no λ, or leaves its own domain on the way.
     """
     target = np.array(lame_pair(E, nu))
-    given = given or {}
-    values, options = material.check(given)
-    start = _scaled_defaults(material, options, values, E)
-    at_rest = check_rest(start)
-    if not _depends_on_lambda(material, start):
+    values, options = material.check(given or {})
+    moduli = [parameter for parameter in material.parameters if parameter.bounds.modulus]
+    defaults = material.energy(**options)
+    modulus = check_rest(defaults).youngs_modulus
+    start = defaults.with_values({p.name: _scale(p.default, E / modulus) for p in moduli} | values)
+    rest = _RestState(start)
+    if solve_for is None:
+        scaled = [p.name for p in moduli if not isinstance(p.default, tuple)]
+        usual = material.pair if start.has_lambda else scaled
+        for name in set(usual) & set(values):
+            raise MaterialError(f"{material.name}.{name}: follows from E and nu; give those or {name}, not both")
+    if not start.has_lambda:
+        if solve_for not in (None, "least"):
+            raise MaterialError(f"{material.name}: has no λ part, so no pair to solve for, got {solve_for!r}")
         if nu != 0 and not augmented:
             raise MaterialError(
                 f"{material.name}: has no λ part, so nu must be 0, got {nu:g}; "
                 'add a λ part with volume = "neo-hookean-ogden"'
             )
-        factor = float(target[1]) / at_rest.lame_mu
-        energy = start.with_values(
-            {p.name: _scale(start.values[p.name], factor) for p in material.parameters if p.bounds.modulus}
-        )
+        factor = float(target[1]) / rest.check(start.constants()).lame_mu
+        energy = start.with_values({p.name: _scale(start.values[p.name], factor) for p in moduli})
     else:
-        energy = _solve(material, start, target, solve_for)
+        rest.check_stress(start.constants())
+        constants = _solve(material, rest, start, target, solve_for)
+        energy = start.with_values(start.unpack([float(value) for value in constants]))
+    where = f"{material.name}, calibrated to E = {E:g}, nu = {nu:g}"
     for parameter in material.parameters:
-        parameter.check(energy.values[parameter.name], f"{material.name}: calibrated to E = {E:g}, nu = {nu:g}")
-    check_rest(energy)
+        parameter.check(energy.values[parameter.name], where)
+    rest.check(energy.constants())
     return energy
 
 
@@ -150,76 +185,51 @@ def _scale(value: Any, factor: float) -> Any:
     return tuple(term * factor for term in value) if isinstance(value, tuple) else value * factor
 
 
-def _scaled_defaults(material: Material, options: dict[str, str], values: dict[str, Any], E: float) -> Energy:
-    """The energy to start from: default moduli in their ratio to E, then what was given."""
-    energy = material.energy(**options)
-    modulus = check_rest(energy).youngs_modulus
-    scaled = {p.name: _scale(p.default, E / modulus) for p in material.parameters if p.bounds.modulus}
-    return energy.with_values({**scaled, **values})
-
-
-def _depends_on_lambda(material: Material, energy: Energy) -> bool:
-    measures = PrincipalStretches((1.0, 1.0, 1.0))
-    return energy.parts(measures, energy.values).volume is not None
-
-
-def _unknowns(material: Material, energy: Energy, solve_for: str | Sequence[str] | None) -> list[int]:
-    """Positions in the flat list of constants of the parameters to solve for."""
-    names = [name for name, value in energy.values.items() for _ in (value if isinstance(value, tuple) else (0,))]
-    if solve_for == "least":
-        return list(range(len(names)))
-    chosen = material.pair if solve_for is None else tuple(solve_for)
-    if isinstance(solve_for, str) or len(set(chosen)) != 2 or not set(chosen) <= set(names):
-        raise MaterialError(
-            f'{material.name}: calibrate must be "least" or two of {", ".join(dict.fromkeys(names))}, got {solve_for!r}'
-        )
-    return [i for i, name in enumerate(names) if name in chosen]
-
-
 def _solve(
-    material: Material, energy: Energy, target: np.ndarray, solve_for: str | Sequence[str] | None
-) -> Energy:
-    """Least relative change of the unknowns that meets the target Lamé pair.
+    material: Material,
+    rest: _RestState,
+    start: Energy,
+    target: NDArray[np.float64],
+    solve_for: str | Sequence[str] | None,
+) -> NDArray[np.float64]:
+    """The constants of least relative change that meet the target Lamé pair.
 
     Newton's method on the constraint, each step projected to the point of least weighted distance from the
     start; with two unknowns that is Newton's method, and exact where the pair is linear in them.
     """
-    unknowns = _unknowns(material, energy, solve_for)
-    start = np.array(energy.constants())
-    weights = np.where(start[unknowns] != 0, start[unknowns], target[1]) ** 2
-    constants = start.copy()
-    # Relative to the constrained modulus: λ may be zero, and their ratio large.
-    scale = abs(target[0]) + target[1]
-    best = np.inf
-    for _ in range(50):
-        pair, jacobian = _pair_and_jacobian(energy, constants, unknowns)
-        if not np.isfinite(pair).all() or not np.isfinite(jacobian).all():
-            break
-        misfit = pair - target
-        if (error := np.abs(misfit / scale).max()) >= best / 2 and best < 1e-13:
-            break
-        best = min(best, error)
-        normal = jacobian * weights @ jacobian.T
-        wanted = jacobian @ (constants - start)[unknowns] - misfit
-        constants[unknowns] = start[unknowns] + weights * (jacobian.T @ np.linalg.lstsq(normal, wanted, rcond=None)[0])
+    names = list(start.values)
+    if solve_for == "least":
+        chosen = tuple(names)
     else:
-        best = np.inf
+        chosen = material.pair if solve_for is None else tuple(solve_for)
+        if isinstance(solve_for, str) or len(set(chosen)) != 2 or not set(chosen) <= set(names):
+            expected = f'"least" or two of {", ".join(names)}'
+            raise MaterialError(f"{material.name}: calibrate must be {expected}, got {solve_for!r}")
+    constants = [p for p in material.parameters for _ in np.atleast_1d(start.values[p.name])]
+    unknowns = [i for i, parameter in enumerate(constants) if parameter.name in chosen]
+    origin = np.array(start.constants())
+    # A change from zero is measured by the shear modulus, or by one.
+    units = np.array([target[1] if parameter.bounds.modulus else 1.0 for parameter in constants])
+    weights = np.where(origin != 0, origin, units)[unknowns]
+    values, found, best = origin.copy(), origin, np.inf
+    for _ in range(50):
+        at_rest, jacobian = rest.at(list(values)), rest.jacobian(list(values))[:, unknowns]
+        misfit = np.array([at_rest.lame_lambda, at_rest.lame_mu]) - target
+        # Relative to the constrained modulus: λ may be zero, and their ratio large.
+        error = np.abs(misfit).max() / (abs(target[0]) + target[1])
+        if not (np.isfinite(error) and np.isfinite(jacobian).all()):
+            break
+        if best < 1e-12 and error >= best / 2:
+            break
+        if error < best:
+            found, best = values.copy(), error
+        wanted = jacobian @ (values - origin)[unknowns] - misfit
+        # Of all solutions of the linearised constraint, lstsq takes the one of least norm.
+        change = np.linalg.lstsq(jacobian * weights, wanted, rcond=None)[0]
+        values[unknowns] = origin[unknowns] + weights * change
     if not best < 1e-12:
-        names = solve_for if solve_for == "least" else " and ".join(solve_for or material.pair)
         raise MaterialError(
-            f"{material.name}: no value of {names} gives λ_Lamé = {target[0]:g} and μ_Lamé = {target[1]:g}; "
-            "expected parameters that set both"
+            f"{material.name}: no value of {' and '.join(chosen)} gives λ_Lamé = {target[0]:g} and "
+            f"μ_Lamé = {target[1]:g}; expected parameters that set both"
         )
-    return energy.with_values(
-        {
-            name: tuple(map(float, value)) if isinstance(value, tuple) else float(value)
-            for name, value in energy.unpack(constants).items()
-        }
-    )
-
-
-def _pair_and_jacobian(energy: Energy, constants: np.ndarray, unknowns: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    variables = [ufl.variable(ufl.as_ufl(float(c))) for c in constants]
-    _, _, *pair = _at_rest(energy, variables)
-    jacobian = [[evaluate(ufl.diff(value, variables[i])) for i in unknowns] for value in pair]
-    return np.array([evaluate(value) for value in pair]), np.array(jacobian)
+    return found

@@ -1,25 +1,37 @@
 """Energy -> energy: nonlinearity exponent, λ/μ mixing and volume augmentation (Chen & Barbič, Sections 5-6).
 
-None of them changes the linearisation at rest. Exponents and coefficients are stored among the energy's values,
-so that changing them recompiles nothing.
+None of them changes the linearisation at rest, and they may follow one another in any order. Exponents and
+coefficients are stored among the energy's values, so that changing them recompiles nothing.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
 
-from forms.energy import Energy, MaterialError, Parts, Values
+from forms.energy import Energy, MaterialError, Parts, Values, as_number
 from forms.kinematics import PrincipalStretches, Scalar
 from forms.normalize import linearize
 
+ShearPart = Callable[[PrincipalStretches, Values], Scalar]
 
-def _check_exponent(alpha: float, name: str) -> None:
+
+def _exponent(alpha: float, name: str) -> float:
+    alpha = as_number(alpha, name)
     if not 0 < alpha < float("inf"):
         raise MaterialError(f"{name}: must be a positive number, got {alpha!r}")
+    return alpha
 
 
 def _check_objective(energy: Energy) -> None:
     if not energy.objective:
-        raise MaterialError(f"{energy.name}: not a function of stretches; expected alpha = 1 and no volume part")
+        expected = "alpha = 1 and no volume part"
+        raise MaterialError(f"{energy.name}: not a function of stretches; expected {expected}")
+
+
+def _fresh(energy: Energy, name: str) -> str:
+    """The name, primed until it is new: an energy tuned before reads its own values under the old one."""
+    while name in energy.values:
+        name += "'"
+    return name
 
 
 def with_nonlinearity(energy: Energy, alpha: float) -> Energy:
@@ -28,18 +40,19 @@ def with_nonlinearity(energy: Energy, alpha: float) -> Energy:
     Raises:
         MaterialError: If alpha is not positive, or the energy no function of stretches.
     """
-    _check_exponent(alpha, "alpha")
+    alpha = _exponent(alpha, "alpha")
     if alpha == 1:
         return energy
     _check_objective(energy)
+    key = _fresh(energy, "nonlinearity")
 
     def parts(s: PrincipalStretches, v: Values) -> Parts:
-        scale = v["nonlinearity"] ** -2
-        own = energy.parts(s.power(v["nonlinearity"]), v)
+        scale = v[key] ** -2
+        own = energy.parts(s.power(v[key]), v)
         return Parts(own.shear * scale, own.bulk, None if own.volume is None else own.volume * scale)
 
     # A power of a negative stretch is not a number.
-    return replace(energy, parts=parts, values={**energy.values, "nonlinearity": float(alpha)}, inverts=False)
+    return replace(energy, parts=parts, values={**energy.values, key: alpha}, inverts=False)
 
 
 def with_separate_nonlinearity(energy: Energy, alpha_lambda: float, alpha_mu: float) -> Energy:
@@ -48,28 +61,22 @@ def with_separate_nonlinearity(energy: Energy, alpha_lambda: float, alpha_mu: fl
     Raises:
         MaterialError: If an exponent is not positive, or the energy has no λ part.
     """
-    _check_exponent(alpha_lambda, "alpha_lambda")
-    _check_exponent(alpha_mu, "alpha_mu")
+    alpha_lambda, alpha_mu = _exponent(alpha_lambda, "alpha_lambda"), _exponent(alpha_mu, "alpha_mu")
     if alpha_lambda == alpha_mu:
         return with_nonlinearity(energy, alpha_mu)
     _check_objective(energy)
     _check_has_lambda(energy)
-    shear_part, held = _shear_part(energy)
+    shear_part, own, _ = _shear_part(energy)
+    key_l, key_m = _fresh(energy, "nonlinearity_lambda"), _fresh(energy, "nonlinearity_mu")
+    key = _fresh(energy, "lame_lambda")
 
     def parts(s: PrincipalStretches, v: Values) -> Parts:
-        alpha_l, alpha_m = v["nonlinearity_lambda"], v["nonlinearity_mu"]
-        volume = energy.parts(s.power(alpha_l) if alpha_lambda != 1 else s, v).volume
-        shear = shear_part(s.power(alpha_m) if alpha_mu != 1 else s, v)
-        return Parts(shear * alpha_m**-2, v["lame_lambda"], volume * alpha_l**-2)
+        volume = energy.parts(s.power(v[key_l]) if alpha_lambda != 1 else s, v).volume
+        shear = shear_part(s.power(v[key_m]) if alpha_mu != 1 else s, v)
+        return Parts(shear * v[key_m] ** -2, v[key], volume * v[key_l] ** -2)
 
-    values = {
-        **energy.values,
-        "lambda_in_shear": held,
-        "lame_lambda": linearize(energy).lame_lambda,
-        "nonlinearity_lambda": float(alpha_lambda),
-        "nonlinearity_mu": float(alpha_mu),
-    }
-    return replace(energy, parts=parts, values=values, inverts=False)
+    exponents = {key_l: alpha_lambda, key_m: alpha_mu, key: linearize(energy).lame_lambda}
+    return replace(energy, parts=parts, values={**energy.values, **own, **exponents}, inverts=False)
 
 
 def with_volume(energy: Energy, other: Energy, lame_lambda: float) -> Energy:
@@ -80,7 +87,7 @@ def with_volume(energy: Energy, other: Energy, lame_lambda: float) -> Energy:
     Args:
         energy: Gives the μ part.
         other: Gives ψ_λ, whose Lamé pair is (1, 0).
-        lame_lambda: λ_Lamé of the result.
+        lame_lambda: λ_Lamé of the result, in the unit of stress.
 
     Raises:
         MaterialError: If `other` has no λ part.
@@ -88,45 +95,46 @@ def with_volume(energy: Energy, other: Energy, lame_lambda: float) -> Energy:
     _check_objective(energy)
     _check_objective(other)
     _check_has_lambda(other)
-    shear_part, held = _shear_part(energy)
+    shear_part, own, remaining = _shear_part(energy)
+    keys = {name: _fresh(energy, f"volume.{name}") for name in other.values}
+    key = _fresh(energy, "lame_lambda")
 
     def parts(s: PrincipalStretches, v: Values) -> Parts:
-        own = {name: v[f"volume.{name}"] for name in other.values}
-        return Parts(shear_part(s, v), v["lame_lambda"], other.parts(s, own).volume)
+        volume = other.parts(s, {name: v[keys[name]] for name in keys}).volume
+        return Parts(shear_part(s, v), v[key], volume)
 
-    # An energy without a λ part has nothing to move what its μ part holds: the new part makes up for it.
-    remaining = held if _volume(energy) is None else 0.0
-    own = {f"volume.{name}": value for name, value in other.values.items()}
+    added = {keys[name]: value for name, value in other.values.items()}
+    added[key] = as_number(lame_lambda, "lame_lambda") - remaining
     return replace(
         energy,
         parts=parts,
-        values={**energy.values, **own, "lambda_in_shear": held, "lame_lambda": lame_lambda - remaining},
+        values={**energy.values, **own, **added},
         inverts=energy.inverts and other.inverts,
     )
 
 
-def _volume(energy: Energy) -> Scalar | None:
-    return energy.parts(PrincipalStretches((1.0, 1.0, 1.0)), energy.values).volume
-
-
 def _check_has_lambda(energy: Energy) -> None:
-    if _volume(energy) is None:
+    if not energy.has_lambda:
         raise MaterialError(f'{energy.name}: has no λ part; add one with volume = "neo-hookean-ogden"')
 
 
-def _shear_part(energy: Energy) -> tuple[Callable[[PrincipalStretches, Values], Scalar], float]:
-    """The μ part of Eq. 19, with Lamé pair (0, μ_Lamé), and the λ that the part as written holds.
+def _shear_part(energy: Energy) -> tuple[ShearPart, dict[str, float], float]:
+    """The μ part of Eq. 19, the values it reads beside the energy's own, and the λ_Lamé left in it.
 
-    That is none for most, -μ for stable neo-Hookean; it moves to where λ is by way of the energy's own ψ_λ.
+    The part as written may hold some λ, -μ in stable neo-Hookean; it moves to where λ is by way of the
+    energy's own ψ_λ, and only stays where there is none.
     """
     at_rest = linearize(energy)
-    written = energy.parts(PrincipalStretches((1.0, 1.0, 1.0)), energy.values)
-    held = at_rest.lame_lambda - (0.0 if written.volume is None else written.bulk)
-    if written.volume is None or abs(held) <= 1e-13 * at_rest.lame_mu:
-        return lambda s, v: energy.parts(s, v).shear, held
+    if not energy.has_lambda:
+        return lambda s, v: energy.parts(s, v).shear, {}, at_rest.lame_lambda
+    held = at_rest.lame_lambda - energy.parts(PrincipalStretches((1.0, 1.0, 1.0)), energy.values).bulk
+    # Less than this is rounding of a large λ.
+    if abs(held) <= 1e-13 * (abs(at_rest.lame_lambda) + at_rest.lame_mu):
+        return lambda s, v: energy.parts(s, v).shear, {}, 0.0
+    key = _fresh(energy, "lambda_in_shear")
 
     def shear(s: PrincipalStretches, v: Values) -> Scalar:
         own = energy.parts(s, v)
-        return own.shear - v["lambda_in_shear"] * own.volume
+        return own.shear - v[key] * own.volume
 
-    return shear, held
+    return shear, {key: held}, 0.0

@@ -6,7 +6,7 @@ from ufl import exp, ln
 
 from forms.kinematics import Scalar
 
-# Strain measures: f(1) = 0 and f'(1) = 1, what the Hill family needs to have Lamé's pair (errata of its table).
+# Strain measures: f(1) = 0 and f'(1) = 1, the conditions under which the Hill family has the pair (λ, μ).
 STRAINS: dict[str, Callable[[Scalar], Scalar]] = {
     "log": ln,
     "biot": lambda x: x - 1,

@@ -45,7 +45,10 @@ def sts(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, mu
     inverts=False,
 )
 def neo_hookean_bower(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0) -> Parts:
-    """ψ = μ/2 (J^(-2/3) I₁ - 3) + λ/2 (J - 1)²; λ is the bulk modulus."""
+    """ψ = μ/2 (J^(-2/3) I₁ - 3) + λ/2 (J - 1)².
+
+    λ is the bulk modulus.
+    """
     return Parts(mu / 2 * (s.J ** (-2 / 3) * s.I1 - 3), lam, (s.J - 1) ** 2 / 2)
 
 
@@ -61,6 +64,7 @@ def wang_yang(
 ) -> Parts:
     """ψ = μ/2 (J^(-2/3) I₁ - 3) + λ/2 (J - 1)².
 
+    λ is the bulk modulus.
     Printed without the square, and then stressed at rest by λ/2.
     """
     shear = mu / 2 * (s.J ** (-2 / 3) * s.I1 - 3)

@@ -2,7 +2,7 @@
 
 from ufl import ln
 
-from forms.energy import Modulus, Number, Parts, PositiveModulus, material
+from forms.energy import Exponent, Modulus, Parts, PositiveModulus, material
 from forms.kinematics import PrincipalStretches
 
 _TABLE = "Chen & Barbič, Table 1"
@@ -19,7 +19,7 @@ _VARIANTS = ("corrected", "printed")
 def ogden(
     s: PrincipalStretches,
     mu: Modulus = (0.63, 0.0012, -0.01),
-    alpha: Number = (1.3, 5.0, -2.0),
+    alpha: Exponent = (1.3, 5.0, -2.0),
     *,
     variant: str = "corrected",
 ) -> Parts:

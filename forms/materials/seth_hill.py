@@ -2,7 +2,7 @@
 
 from ufl import conditional, ln, lt
 
-from forms.energy import Modulus, Number, Parts, PositiveModulus, material
+from forms.energy import Exponent, Modulus, Parts, PositiveModulus, material
 from forms.kinematics import PrincipalStretches
 from forms.materials.functions import STRAINS
 
@@ -31,7 +31,7 @@ def hencky(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0)
 
 @material("seth-hill", _TABLE, lame=lambda lam, mu, alpha: (lam, mu), inverts=False)
 def seth_hill(
-    s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Number = 0.5
+    s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Exponent = 0.5
 ) -> Parts:
     """ψ = μ/α² Σ(λᵢ^α - 1)² + λ/(2α²) (Σλᵢ^α - 3)².
 
@@ -43,7 +43,7 @@ def seth_hill(
 
 @material("symmetric-seth-hill", _TABLE, lame=lambda lam, mu, alpha: (lam, mu), inverts=False)
 def symmetric_seth_hill(
-    s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Number = 1.0
+    s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Exponent = 1.0
 ) -> Parts:
     """ψ = μ/(4α²) Σ(λᵢ^α - λᵢ^-α)² + λ/(8α²) (Σ(λᵢ^α - λᵢ^-α))²."""
     strains = [(x**alpha - x**-alpha) / (2 * alpha) for x in s.stretches]
@@ -57,7 +57,12 @@ def hill(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, *
     return Parts(mu * sum(e**2 for e in strains), lam, sum(strains) ** 2 / 2)
 
 
-@material("st-venant-kirchhoff-kikuuwe", "Smith et al. 2018, Eq. 51", lame=lambda lam, mu, kappa: (lam, mu), inverts=True)
+@material(
+    "st-venant-kirchhoff-kikuuwe",
+    "Smith et al. 2018, Eq. 51",
+    lame=lambda lam, mu, kappa: (lam, mu),
+    inverts=True,
+)
 def st_venant_kirchhoff_kikuuwe(
     s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, kappa: Modulus = 100.0
 ) -> Parts:

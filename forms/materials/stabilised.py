@@ -12,7 +12,12 @@ from forms.kinematics import PrincipalStretches
 _VARIANTS = ("corrected", "printed")
 
 
-@material("stable-neo-hookean", "Smith et al. 2018, Eq. 13", lame=lambda lam, mu: (lam - mu, mu), inverts=True)
+@material(
+    "stable-neo-hookean",
+    "Smith et al. 2018, Eq. 13",
+    lame=lambda lam, mu: (lam - mu, mu),
+    inverts=True,
+)
 def stable_neo_hookean(s: PrincipalStretches, lam: Modulus = 2.0, mu: PositiveModulus = 1.0) -> Parts:
     """ψ = μ/2 (I₁ - 3) - μ (J - 1) + λ/2 (J - 1)²."""
     return Parts(mu / 2 * (s.I1 - 3) - mu * (s.J - 1), lam, (s.J - 1) ** 2 / 2)
@@ -53,8 +58,9 @@ def fung(
     *,
     variant: str = "corrected",
 ) -> Parts:
-    """ψ = μ₀/2 (I₁ - 3) + λ/2 (J - α)² + γ/2 (exp(μ₁(I₁ - 3)) - 1),  α = 1 + (μ₀ + γμ₁)/λ, less its value at rest.
+    """ψ = μ₀/2 (I₁ - 3) + λ/2 (J - α)² + γ/2 (exp(μ₁(I₁ - 3)) - 1),  less its value at rest.
 
+    α = 1 + (μ₀ + γμ₁)/λ keeps it at rest.
     Printed with the exponent μ₁/2 (I₁ - 3), and then stressed at rest: its own Eqs. 54-56 need μ₁.
     """
     rate = mu1 / 2 if variant == "printed" else mu1
@@ -78,7 +84,10 @@ def arruda_boyce(
     beta1: Number = 0.05,
     beta2: Number = 0.01,
 ) -> Parts:
-    """ψ = μ/2 (I₁ - 3) + μβ₁/4 (I₁² - 9) + μβ₂/6 (I₁³ - 27) + λ/2 (J - α)², α = 1 + μ(1 + 3β₁ + 9β₂)/λ, less its value at rest."""
+    """ψ = μ/2 (I₁ - 3) + μβ₁/4 (I₁² - 9) + μβ₂/6 (I₁³ - 27) + λ/2 (J - α)²,  less its value at rest.
+
+    α = 1 + μ(1 + 3β₁ + 9β₂)/λ keeps it at rest.
+    """
     chain = (s.I1 - 3) / 2 + beta1 / 4 * (s.I1**2 - 9) + beta2 / 6 * (s.I1**3 - 27)
     return Parts(mu * (chain - (1 + 3 * beta1 + 9 * beta2) * (s.J - 1)), lam, (s.J - 1) ** 2 / 2)
 

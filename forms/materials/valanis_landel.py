@@ -3,7 +3,7 @@
 from ufl import ln
 
 from forms.energy import Modulus, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
+from forms.kinematics import PrincipalStretches, Scalar
 from forms.materials.functions import ENERGIES
 
 _TABLE = "Chen & Barbič, Table 1"
@@ -74,7 +74,7 @@ def peng_landel(s: PrincipalStretches, E: PositiveModulus = 1.0) -> Parts:
     E is Young's modulus of the incompressible solid; with λ = 0 the modulus is 2E/3.
     """
 
-    def term(x):
+    def term(x: Scalar) -> Scalar:
         log = ln(x)
         return x - 1 - log - log**2 / 6 + log**3 / 18 - log**4 / 216
 

@@ -1,0 +1,1 @@
+"""Scenes, solver, output and the command line of Elastune."""

@@ -1,0 +1,131 @@
+"""The command line. What a command does not use it does not import: --help must not load dolfinx."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from app.errors import UserError
+
+OK, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 2, 3, 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message}; see {self.prog} --help")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="elastune",
+        description="Tunes hyperelastic materials and proves the result by finite elements.",
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+
+    command = commands.add_parser(
+        "run",
+        help="solve a scene and write its results",
+        description="Solves a scene; exit status 2 for bad input, 3 if the run does not converge.",
+        epilog="Options of PETSc follow after --, as in: elastune run cube-pull -- -snes_monitor",
+    )
+    command.add_argument("scene", help="a scene file, or the name of a shipped scene")
+    command.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="replace a key of the scene, e.g. material.alpha=0.5; may be repeated",
+    )
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE)")
+
+    commands.add_parser("scenes", help="list the shipped scenes")
+
+    command = commands.add_parser(
+        "materials",
+        help="list the materials, or show one with its uniaxial curve",
+        description="Without a name, all materials calibrated to E and nu; with one, its parameters and a curve.",
+    )
+    command.add_argument("name", nargs="?", help="a material")
+    command.add_argument("--E", type=float, default=1.0, help="Young's modulus (default 1)")
+    command.add_argument("--nu", type=float, default=0.3, help="Poisson's ratio (default 0.3)")
+    command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command; its exit status.
+
+    Args:
+        arguments: The words after `elastune`; those of the process by default.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    words, petsc = (words[: words.index("--")], words[words.index("--") + 1 :]) if "--" in words else (words, [])
+    try:
+        options = _parser().parse_args(words)
+        if petsc and options.command != "run":
+            raise UserError(f"elastune {options.command}: takes no PETSc options, got {' '.join(petsc)}")
+        return _COMMANDS[options.command](options, petsc)
+    except UserError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output has gone, as in `elastune materials | head`.
+        sys.stderr.close()
+        return OK
+
+
+def _complain(message: str) -> None:
+    """One line on standard error, from one rank."""
+    # Bad input is found before MPI is loaded: the launcher's variable tells the rank.
+    if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
+        print(f"elastune: {' '.join(message.split())}", file=sys.stderr)
+
+
+def _run(options: Any, petsc: list[str]) -> int:
+    from app.scene import load
+
+    scene = load(options.scene, options.overrides)
+    folder = options.out or Path("results") / scene.name
+
+    from app.progress import Screen
+    from app.run import run
+
+    with Screen(scene) as screen:
+        summary, files = run(scene, folder, progress=screen, options=petsc)
+        screen.finish(summary, files)
+    return OK if summary.status == "converged" else NOT_CONVERGED
+
+
+def _scenes(options: Any, petsc: list[str]) -> int:
+    from app.scene import load, shipped
+
+    for name in shipped():
+        scene = load(name)
+        print(f"{name:20} {scene.title}")
+    return OK
+
+
+def _materials(options: Any, petsc: list[str]) -> int:
+    from rich.console import Console
+
+    from app.catalogue import show, table
+    from forms.energy import MaterialError
+
+    console = Console()
+    try:
+        if options.name is None:
+            table(options.E, options.nu, console)
+        else:
+            show(options.name, options.E, options.nu, options.out, {}, console)
+    except MaterialError as error:
+        raise UserError(str(error)) from None
+    return OK
+
+
+_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials}

@@ -1,0 +1,9 @@
+"""What a person is told when something cannot be done: one line, and an exit status."""
+
+
+class UserError(Exception):
+    """Bad input: one line with what was expected, what came, and where; exit status 2."""
+
+
+class SceneError(UserError):
+    """A scene that cannot be run."""

@@ -1,0 +1,245 @@
+"""A scene on its mesh: function space, prescribed displacements, and Π with its derivatives as vectors."""
+
+from functools import cached_property
+from typing import Any
+
+import basix.ufl
+import numpy as np
+from dolfinx import fem, la
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+import geometry
+from app.errors import SceneError
+from app.scene import Condition, Scene, material_energy, mesh_arguments
+from forms.elements import ELEMENTS
+from forms.potential import Loads, Potential
+
+Array = NDArray[np.float64]
+
+
+class Problem:
+    """What the solver sees of a scene.
+
+    Vectors are local numpy arrays over owned and ghost degrees of freedom.
+
+    Attributes:
+        scene: The scene.
+        geometry: Mesh and named faces.
+        energy: The calibrated and tuned energy.
+        element: Element name.
+        V: Displacement space.
+        u: The state.
+        held: Mask of the prescribed degrees of freedom, owned and ghost.
+        conditions: dolfinx's view of them, for assembly.
+        potential: Π and its forms.
+    """
+
+    def __init__(self, scene: Scene, comm: MPI.Comm) -> None:
+        """Builds mesh, space and forms.
+
+        Raises:
+            SceneError: If the mesh, or the scene on this mesh, is impossible.
+        """
+        self.scene = scene
+        self.energy = material_energy(scene)
+        try:
+            self.geometry = geometry.build(comm, **mesh_arguments(scene))
+        except geometry.GeometryError as error:
+            raise SceneError(f"mesh: {error}") from None
+        mesh = self.geometry.mesh
+        self.dimension = mesh.geometry.dim
+        self.element = _element(scene, mesh.topology.cell_name())
+        degree = ELEMENTS[self.element].degree
+        self.V = fem.functionspace(
+            mesh, basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(self.dimension,))
+        )
+        self.u = fem.Function(self.V, name="displacement")
+        self._motion = fem.Function(self.V)
+        self._prescribe()
+        self.potential = Potential(
+            self.energy,
+            self.u,
+            scene.solve.quadrature or ELEMENTS[self.element].quadrature,
+            self._loads(),
+            self.geometry.facet_tags,
+            scene.solve.assembly,
+            scene.material.extension,
+        )
+
+    # ------------------------------------------------------------------ sizes
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The mesh's communicator."""
+        return self.geometry.mesh.comm
+
+    @cached_property
+    def size(self) -> int:
+        """Global number of degrees of freedom."""
+        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
+
+    @cached_property
+    def owned(self) -> int:
+        """Number of degrees of freedom of this rank."""
+        return self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
+
+    # ------------------------------------------------------------------ prescribed displacements
+
+    def _face_blocks(self, face: str) -> NDArray[np.int32]:
+        """Nodes of a face on this rank, owned and ghost."""
+        dimension = self.geometry.mesh.topology.dim - 1
+        return fem.locate_dofs_topological(self.V, dimension, self.geometry.facets(face))
+
+    def _prescribe(self) -> None:
+        d = self.dimension
+        nodes = self.V.dofmap.index_map.size_local + self.V.dofmap.index_map.num_ghosts
+        self.held = np.zeros(nodes * d, dtype=bool)
+        self.conditions: list[Any] = []
+        self.faces: dict[str, NDArray[np.int32]] = {}
+        for face, condition in self._by_precedence():
+            blocks = self._face_blocks(face)
+            self.faces[face] = blocks
+            if condition.kind == "roller":
+                for axis in condition.roller or ():
+                    i = "xyz".index(axis)
+                    dofs = self._component_dofs(face, i)
+                    self.conditions.append(fem.dirichletbc(np.float64(0.0), dofs, self.V.sub(i)))
+                    self.held[blocks * d + i] = True
+            else:
+                self.conditions.append(fem.dirichletbc(self._motion, blocks))
+                self.held[(blocks[:, None] * d + np.arange(d)).ravel()] = True
+
+    def _component_dofs(self, face: str, i: int) -> NDArray[np.int32]:
+        """Unrolled indices of one displacement component on a face."""
+        dimension = self.geometry.mesh.topology.dim - 1
+        return fem.locate_dofs_topological(self.V.sub(i), dimension, self.geometry.facets(face))
+
+    def _by_precedence(self) -> list[tuple[str, Condition]]:
+        """Conditions that hold, weakest first: at a shared edge a clamp wins over a motion over a roller."""
+        rank = ("roller", "rotate", "move", "fix")
+        holding = [(face, c) for face, c in self.scene.boundary.items() if c.holds]
+        return sorted(holding, key=lambda item: rank.index(item[1].kind))
+
+    def prescribed(self, load: float) -> Array:
+        """Displacements at a load factor: right where `held`, zero elsewhere."""
+        d = self.dimension
+        values = np.zeros_like(self.u.x.array)
+        points = self.V.tabulate_dof_coordinates()
+        for face, condition in self._by_precedence():
+            blocks = self.faces[face]
+            if condition.kind == "roller":
+                for axis in condition.roller or ():
+                    values[blocks * d + "xyz".index(axis)] = 0.0
+                continue
+            motion = _motion(condition, points[blocks], load)
+            values[(blocks[:, None] * d + np.arange(d)).ravel()] = motion[:, :d].ravel()
+        return values
+
+    def lift(self, increment: Array) -> Array:
+        """Forces -K Δg of an increment of the prescribed displacements at the current state.
+
+        Zero at the prescribed degrees of freedom.
+        """
+        self._motion.x.array[:] = increment
+        b = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        b.array[:] = 0.0
+        for form in self.potential.tangent:
+            fem.apply_lifting(b.array, [form], [self.conditions])
+        b.scatter_reverse(la.InsertMode.add)
+        b.scatter_forward()
+        b.array[self.held] = 0.0
+        return b.array
+
+    # ------------------------------------------------------------------ loads
+
+    def _loads(self) -> Loads:
+        tractions, pressures = {}, {}
+        for face, condition in self.scene.boundary.items():
+            # Also for held faces: an unknown face of the user's own mesh is found here.
+            tag = self._tag(face)
+            if condition.kind == "pull":
+                tractions[tag] = self._vector(condition.pull, f"boundary.{face}.pull")
+            elif condition.kind == "pressure":
+                pressures[tag] = float(condition.pressure or 0.0)
+            elif condition.kind == "move":
+                self._vector(condition.move, f"boundary.{face}.move")
+        body = self._vector(self.scene.body.force, "body.force") if self.scene.body else None
+        return Loads(body, tractions, pressures)
+
+    def _tag(self, face: str) -> int:
+        try:
+            return self.geometry.faces[face]
+        except KeyError:
+            known = ", ".join(self.geometry.faces)
+            raise SceneError(f"boundary.{face}: unknown face; the mesh has {known}") from None
+
+    def _vector(self, value: list[float] | None, key: str) -> Array:
+        if value is None or len(value) != self.dimension:
+            raise SceneError(f"{key} = {value}: expected {self.dimension} components")
+        return np.array(value, dtype=np.float64)
+
+    # ------------------------------------------------------------------ Π and its derivatives at a state
+
+    def set_state(self, values: Array) -> None:
+        """Takes the owned values of a state and updates the ghosts."""
+        self.u.x.array[: self.owned] = values[: self.owned]
+        self.u.x.scatter_forward()
+
+    def energy_at(self, values: Array) -> float:
+        """Π, the same on every rank; NaN where ψ is undefined."""
+        self.set_state(values)
+        forms = [*self.potential.strain_energy, *self.potential.work]
+        with np.errstate(all="ignore"):
+            return self.comm.allreduce(sum(float(fem.assemble_scalar(form)) for form in forms))
+
+    def force_at(self, values: Array, forms: list[Any]) -> Array:
+        """Sum of assembled forms at a state, with ghost contributions added to their owners."""
+        self.set_state(values)
+        b = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        b.array[:] = 0.0
+        for form in forms:
+            fem.assemble_vector(b.array, form)
+        b.scatter_reverse(la.InsertMode.add)
+        b.scatter_forward()
+        return b.array
+
+    def residual_at(self, values: Array) -> Array:
+        """Out-of-balance forces, reactions at the prescribed degrees of freedom included."""
+        return self.force_at(values, [*self.potential.internal, *self.potential.external])
+
+    def norm(self, values: Array) -> float:
+        """Euclidean norm over all ranks."""
+        own = values[: self.owned]
+        return float(np.sqrt(self.comm.allreduce(float(own @ own))))
+
+    def dot(self, a: Array, b: Array) -> float:
+        """Inner product over all ranks."""
+        return self.comm.allreduce(float(a[: self.owned] @ b[: self.owned]))
+
+
+def _element(scene: Scene, cell: str) -> str:
+    """Element name, checked against the cell type that the mesh turned out to have."""
+    name = scene.element if scene.mesh.shape != "file" else scene.solve.element
+    if name is None:
+        name = next(name for name, element in ELEMENTS.items() if cell in element.cells)
+    if cell not in ELEMENTS[name].cells:
+        lives = " or ".join(ELEMENTS[name].cells)
+        raise SceneError(f'solve.element = "{name}": lives on {lives}, got a mesh of {cell} cells')
+    return name
+
+
+def _motion(condition: Condition, points: Array, load: float) -> Array:
+    """Displacements of points, shape (n, 3), under a condition at a load factor."""
+    motion = np.zeros_like(points)
+    if condition.move is not None:
+        motion[:, : len(condition.move)] = load * np.array(condition.move)
+    elif condition.rotate is not None:
+        axis = np.array(condition.rotate.axis)
+        axis = axis / np.linalg.norm(axis)
+        arm = points - np.pad(condition.rotate.center, (0, 3 - len(condition.rotate.center)))
+        angle = np.deg2rad(load * condition.rotate.angle)
+        # Rodrigues' formula, with 1 - cos as 2 sin² to keep small rotations exact.
+        turned = np.cross(axis, arm)
+        motion = np.sin(angle) * turned + 2 * np.sin(angle / 2) ** 2 * np.cross(axis, turned)
+    return motion

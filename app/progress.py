@@ -1,0 +1,71 @@
+"""How a run goes, on the screen of rank 0: a bar on a terminal, a line a step everywhere."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+from mpi4py import MPI
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from app.problem import Problem
+from app.results import Step, Summary
+from app.run import Progress
+from app.scene import Scene
+
+
+class Screen(Progress):
+    """Tells a person how a run goes; other ranks than 0 stay silent."""
+
+    def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
+        """Prepares a bar that is shown on terminals only."""
+        self.scene = scene
+        self.console = Console(quiet=comm.rank != 0, highlight=False)
+        self.bar = Bar(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("load {task.completed:.3f}"),
+            TimeElapsedColumn(),
+            console=self.console,
+            transient=True,
+            disable=not self.console.is_terminal,
+        )
+
+    def __enter__(self) -> "Screen":
+        self.bar.start()
+        self.task = self.bar.add_task(self.scene.name, total=1.0)
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.bar.stop()
+
+    def start(self, problem: Problem) -> None:
+        """What is about to be solved."""
+        ranks = f", {problem.comm.size} ranks" if problem.comm.size > 1 else ""
+        self.console.print(
+            f"{self.scene.name}: {self.scene.material.name}, {problem.element}, "
+            f"{problem.geometry.cells_count:,} cells, {problem.size:,} unknowns{ranks}"
+        )
+
+    def increment(self, load: float, newton: int) -> None:
+        """A load increment has converged."""
+        self.bar.update(self.task, completed=load)
+
+    def step(self, step: Step) -> None:
+        """A step has been recorded."""
+        self.console.print(
+            f"load {step.load:.4g}: energy {step.energy:.8g}, volume {step.volume_ratio:.5f}, "
+            f"least J {step.min_J:.4f}, {step.newton_iterations} Newton steps, {step.wall_s:.2f} s"
+        )
+
+    def finish(self, summary: Summary, files: Sequence[Path]) -> None:
+        """How it ended, and where the results are."""
+        if summary.failure is not None:
+            self.console.print(
+                f"did not converge at load {summary.failure.load:.4g}: {summary.failure.message} "
+                f"({summary.failure.kind})"
+            )
+        if files:
+            self.console.print(f"{summary.wall_s:.1f} s; results in {files[0].parent}: ", end="")
+            self.console.print(", ".join(file.name for file in files))

@@ -1,0 +1,64 @@
+"""The load path: steps that are cut back where the minimiser fails and grow again where it does not."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.problem import Array, Problem
+from app.solve import Minimizer, NotConverged
+
+
+@dataclass(frozen=True)
+class State:
+    """A state in balance."""
+
+    load: float
+    values: Array
+    newton: int
+    linear: int
+
+
+class LoadFailure(Exception):
+    """The load path ends before full load."""
+
+    def __init__(self, kind: str, message: str, load: float) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.load = load
+
+
+def follow(problem: Problem, report: Callable[[float, int], None] | None = None) -> Iterator[State]:
+    """States in balance at the multiples of 1/steps, up to full load.
+
+    Args:
+        problem: Starts from its reference shape.
+        report: Told the load and the Newton steps so far after each increment, also between the multiples.
+
+    Raises:
+        LoadFailure: If increments of the smallest size fail.
+    """
+    solve = problem.scene.solve
+    minimizer = Minimizer(problem)
+    values = np.zeros_like(problem.u.x.array)
+    load, size = 0.0, 1.0 / solve.steps
+    for number in range(1, solve.steps + 1):
+        goal = number / solve.steps
+        while load < goal:
+            # A remainder too small to be worth a step of its own joins this one.
+            target = goal if load + 1.01 * size >= goal else load + size
+            try:
+                values = minimizer.minimize(minimizer.predict(values, target))
+            except NotConverged as failure:
+                size = (target - load) / 2
+                problem.potential.load.value = load
+                problem.set_state(values)
+                if size < solve.smallest_step / solve.steps:
+                    raise LoadFailure(failure.kind, str(failure), target) from None
+                continue
+            load = target
+            size = min(2 * size, 1.0 / solve.steps)
+            if report is not None:
+                report(load, minimizer.count.newton)
+        yield State(load, values, minimizer.count.newton, minimizer.count.linear)
+        minimizer.count.newton = minimizer.count.linear = 0

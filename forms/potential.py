@@ -1,0 +1,134 @@
+"""Π(u): strain energy less the work of the loads, with its residual and tangent as compiled forms."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from forms.energy import Energy
+from forms.kinematics import GradientMeasures, deformation_gradient
+
+Form = Any
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What pulls and presses at full load.
+
+    Attributes:
+        body: Force per reference volume, shape (d,), or None.
+        tractions: Dead force per reference area, shape (d,), by facet tag.
+        pressures: Pressure on the deformed face, positive into the body, by facet tag.
+    """
+
+    body: NDArray[np.float64] | None = None
+    tractions: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+    pressures: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def conservative(self) -> bool:
+        """Whether the loads have a potential: the follower pressure on a face with free edges has none."""
+        return not self.pressures
+
+
+class Potential:
+    """Π(u; t) = ∫ψ(F) dX - t (∫b·u dX + ∫T·u dA), and follower pressure t p beside it.
+
+    Attributes:
+        u: The displacement that all forms read.
+        load: The load factor t, a constant of the forms.
+        internal: ∂/∂u of the strain energy: internal forces, a list of forms to be summed.
+        external: Internal and external forces are in balance when `internal` and `external` sum to zero.
+        strain_energy: ∫ψ dX.
+        work: -t (∫b·u dX + ∫T·u dA).
+        tangent: Derivative of `internal` and `external` together.
+    """
+
+    def __init__(
+        self,
+        energy: Energy,
+        u: fem.Function,
+        quadrature_degree: int,
+        loads: Loads,
+        facet_tags: dolfinx.mesh.MeshTags | None = None,
+        assembly: Literal["auto", "ufl", "spectral"] = "auto",
+        extension: float | None = None,
+    ) -> None:
+        """Compiles what is asked for when it is asked for.
+
+        Args:
+            energy: Strain-energy density.
+            u: Displacement, vector Lagrange in 3D, or in 2D for plane strain.
+            quadrature_degree: Of the volume integrals.
+            loads: At full load.
+            facet_tags: Where the loads are.
+            assembly: "ufl" for forms differentiated by UFL, "spectral" for the compiled stretch-space kernel,
+                "auto" for the faster of the two that is exact at repeated stretches.
+            extension: Stretch below which a singular energy is continued; spectral only.
+        """
+        mesh = u.function_space.mesh
+        self.u = u
+        self.loads = loads
+        self.load = fem.Constant(mesh, 0.0)
+        v, w = ufl.TestFunction(u.function_space), ufl.TrialFunction(u.function_space)
+        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": quadrature_degree})
+        ds = ufl.Measure("ds", mesh, subdomain_data=facet_tags)
+
+        work, follower = _load_terms(u, v, loads, self.load, dx, ds)
+        self.work = [fem.form(work)] if work is not None else []
+        self.external = [fem.form(term) for term in (_derivative(work, u, v), follower) if term is not None]
+        loads_tangent = [fem.form(ufl.derivative(follower, u, w))] if follower is not None else []
+
+        spectral = assembly == "spectral" or extension is not None or assembly == "auto" and energy.objective
+        if spectral:
+            from forms.spectral import SpectralForms
+
+            kernel = SpectralForms(energy, u, quadrature_degree, extension)
+            self._kernel: Any = kernel
+            self.strain_energy, self.internal = [kernel.energy], [kernel.residual]
+            self.tangent = [kernel.tangent, *loads_tangent]
+        else:
+            self._kernel = None
+            constants = fem.Constant(mesh, np.array(energy.constants() or [0.0]))
+            named = energy.unpack([constants[i] for i in range(len(energy.constants()))])
+            psi = energy.density(GradientMeasures(deformation_gradient(u)), named) * dx
+            residual = ufl.derivative(psi, u, v)
+            self.strain_energy, self.internal = [fem.form(psi)], [fem.form(residual)]
+            self.tangent = [fem.form(ufl.derivative(residual, u, w)), *loads_tangent]
+
+    @property
+    def can_filter(self) -> bool:
+        """Whether the tangent can be made positive semi-definite cell by cell."""
+        return self._kernel is not None
+
+    def set_filter(self, name: Literal["none", "clamp", "absolute"]) -> None:
+        """Chooses how the kernel's tangent treats negative eigenvalues, at every quadrature point."""
+        if self._kernel is not None:
+            self._kernel.filter = name
+
+
+def _derivative(form: Any, u: Any, v: Any) -> Any:
+    return None if form is None else ufl.derivative(form, u, v)
+
+
+def _load_terms(u: Any, v: Any, loads: Loads, t: Any, dx: Any, ds: Any) -> tuple[Any, Any]:
+    """-t times the work of dead loads, and the residual of the follower pressure; None where there is none."""
+    mesh = u.function_space.mesh
+    work = []
+    if loads.body is not None:
+        work.append(ufl.inner(fem.Constant(mesh, loads.body), u) * dx)
+    for tag, traction in loads.tractions.items():
+        work.append(ufl.inner(fem.Constant(mesh, traction), u) * ds(tag))
+    follower = []
+    if loads.pressures:
+        F = ufl.Identity(len(u)) + ufl.grad(u)
+        # Nanson: the deformed area vector is det(F) F^-T N dA.
+        area = ufl.det(F) * ufl.inv(F).T * ufl.FacetNormal(mesh)
+        for tag, pressure in loads.pressures.items():
+            follower.append(t * fem.Constant(mesh, pressure) * ufl.inner(area, v) * ds(tag))
+    return (-t * sum(work) if work else None), (sum(follower) if follower else None)

@@ -1,0 +1,11 @@
+"""One compiled kernel in principal-stretch space for every isotropic energy.
+
+Energy, residual and tangent of any material of the catalogue, on any cell, from the three first and six second
+derivatives of ψ in the stretches: exact where forms through eigenvalues are not, and at small strain.
+"""
+
+from forms.spectral.assembly import SpectralForms
+from forms.spectral.build import SpectralError
+from forms.spectral.points import pointwise
+
+__all__ = ["SpectralError", "SpectralForms", "pointwise"]

@@ -1,0 +1,241 @@
+/* Energy, residual and tangent of one cell, in the interface of dolfinx's custom kernels.
+ *
+ * Quadrature points are taken LANES at a time. Generated for the element: DIM, POINTS, BATCHES, DOFS, NODES, ROW,
+ * WIDTH (DOFS rounded up to ROW), the weights, and reference gradients of the basis in two layouts: with the points
+ * of a batch side by side, and with the basis functions side by side.
+ */
+#include "generated.h"
+
+#include "lanes.h"
+
+#include "jacobi.h"
+
+#include "frame.h"
+
+#include "density.h"
+
+#include "stress.h"
+
+#include "tangent.h"
+
+#include "filter.h"
+
+#define KERNEL(name)                                                                                                   \
+  void name(double *restrict A, const double *restrict w, const double *restrict c,                                    \
+            const double *restrict coordinate_dofs, const int *restrict entity_local_index,                            \
+            const uint8_t *restrict quadrature_permutation)
+#define UNUSED (void)entity_local_index, (void)quadrature_permutation
+
+/* A batch of points: frame, V pulled back to the reference cell, and weight times volume. */
+struct batch
+{
+  struct frame frame;
+  lanes pulled[3][DIM], weight;
+};
+
+static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *det)
+{
+#if DIM == 2
+  *det = J[0][0] * J[1][1] - J[0][1] * J[1][0];
+  K[0][0] = J[1][1] / *det;
+  K[0][1] = -J[0][1] / *det;
+  K[1][0] = -J[1][0] / *det;
+  K[1][1] = J[0][0] / *det;
+#else
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+    {
+      const int a = (j + 1) % 3, b = (j + 2) % 3, d = (i + 1) % 3, e = (i + 2) % 3;
+      K[i][j] = J[a][d] * J[b][e] - J[a][e] * J[b][d];
+    }
+  *det = J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
+  const lanes over = 1 / *det;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      K[i][j] *= over;
+#endif
+}
+
+static __attribute__((noinline)) void load(int n, const double *w, const double *x, struct batch *b)
+{
+  lanes J[DIM][DIM], K[DIM][DIM], det, H[3][3];
+  for (int i = 0; i < DIM; ++i)
+    for (int j = 0; j < DIM; ++j)
+    {
+      J[i][j] = all(0);
+      for (int a = 0; a < NODES; ++a)
+        J[i][j] += x[3 * a + i] * geometry_by_point[AFFINE ? 0 : n][j][a];
+    }
+  inverse(J, K, &det);
+  lanes R[DIM][DIM];
+  for (int i = 0; i < DIM; ++i)
+    for (int j = 0; j < DIM; ++j)
+      R[i][j] = all(0);
+  for (int a = 0; a < DOFS; ++a)
+    for (int i = 0; i < DIM; ++i)
+      for (int j = 0; j < DIM; ++j)
+        R[i][j] += w[DIM * a + i] * gradient_by_point[n][j][a];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+    {
+      H[i][j] = all(0);
+      if (i < DIM && j < DIM)
+        for (int k = 0; k < DIM; ++k)
+          H[i][j] += R[i][k] * K[k][j];
+    }
+  decompose(H, &b->frame);
+  for (int m = 0; m < 3; ++m)
+    for (int j = 0; j < DIM; ++j)
+    {
+      b->pulled[m][j] = all(0);
+      for (int k = 0; k < DIM; ++k)
+        b->pulled[m][j] += K[j][k] * b->frame.V[m][k];
+    }
+  b->weight = weights[n] * magnitude(det);
+}
+
+KERNEL(energy)
+{
+  UNUSED;
+  for (int n = 0; n < BATCHES; ++n)
+  {
+    struct batch b;
+    struct jet jet;
+    load(n, w, coordinate_dofs, &b);
+    energy_density(&b.frame, c, &jet);
+    A[0] += sum(b.weight * jet.psi);
+  }
+}
+
+KERNEL(residual)
+{
+  UNUSED;
+  row R[DIM][WIDTH / ROW];
+  for (int i = 0; i < DIM; ++i)
+    for (int a = 0; a < WIDTH / ROW; ++a)
+      R[i][a] = (row){0};
+  for (int n = 0; n < BATCHES; ++n)
+  {
+    struct batch b;
+    struct jet jet;
+    load(n, w, coordinate_dofs, &b);
+    principal_stress(&b.frame, c, &jet);
+    lanes P[DIM][DIM];
+    for (int i = 0; i < DIM; ++i)
+      for (int j = 0; j < DIM; ++j)
+      {
+        P[i][j] = all(0);
+        for (int m = 0; m < DIM; ++m)
+          P[i][j] += jet.p[m] * b.frame.U[m][i] * b.pulled[m][j];
+        P[i][j] *= b.weight;
+      }
+    for (int l = 0; l < LANES && n * LANES + l < POINTS; ++l)
+      for (int j = 0; j < DIM; ++j)
+        for (int a = 0; a < WIDTH / ROW; ++a)
+        {
+          const row g = gradient_by_dof[n * LANES + l][j][a];
+          for (int i = 0; i < DIM; ++i)
+            R[i][a] += LANE(P[i][j], l) * g;
+        }
+  }
+  for (int a = 0; a < DOFS; ++a)
+    for (int i = 0; i < DIM; ++i)
+      A[DIM * a + i] += R[i][a / ROW][a % ROW];
+}
+
+#define PRODUCTS (DIM * DIM)
+
+/* D[x][y] = weight ∂P_x/∂F_y pulled back to the reference cell, x = (i, J), from its blocks on the u_i v_jᵀ. */
+static inline void moduli(const struct batch *b, const struct blocks *blocks, lanes D[PRODUCTS][PRODUCTS])
+{
+  lanes M[PRODUCTS][PRODUCTS], Z[PRODUCTS][PRODUCTS];
+  for (int m = 0; m < DIM; ++m)
+    for (int n = 0; n < DIM; ++n)
+      for (int i = 0; i < DIM; ++i)
+        for (int j = 0; j < DIM; ++j)
+          M[m * DIM + n][i * DIM + j] = b->frame.U[m][i] * b->pulled[n][j];
+  for (int m = 0; m < DIM; ++m)
+    for (int x = 0; x < PRODUCTS; ++x)
+    {
+      lanes z = all(0);
+      for (int n = 0; n < DIM; ++n)
+        z += b->weight * blocks->h[m][n] * M[n * DIM + n][x];
+      Z[m * DIM + m][x] = z;
+    }
+  for (int r = 0; r < PAIRS; ++r)
+  {
+    const int ij = pair_first[r] * DIM + pair_second[r], ji = pair_second[r] * DIM + pair_first[r];
+    const lanes same = 0.5 * b->weight * (blocks->plus[r] + blocks->minus[r]);
+    const lanes swapped = 0.5 * b->weight * (blocks->plus[r] - blocks->minus[r]);
+    for (int x = 0; x < PRODUCTS; ++x)
+    {
+      Z[ij][x] = same * M[ij][x] + swapped * M[ji][x];
+      Z[ji][x] = same * M[ji][x] + swapped * M[ij][x];
+    }
+  }
+  for (int x = 0; x < PRODUCTS; ++x)
+    for (int y = x; y < PRODUCTS; ++y)
+    {
+      lanes d = all(0);
+      for (int m = 0; m < PRODUCTS; ++m)
+        d += M[m][x] * Z[m][y];
+      D[x][y] = D[y][x] = d;
+    }
+}
+
+KERNEL(tangent)
+{
+  UNUSED;
+  lanes D[BATCHES][PRODUCTS][PRODUCTS];
+  const int filter = (int)c[FILTER];
+  for (int n = 0; n < BATCHES; ++n)
+  {
+    struct batch b;
+    struct blocks blocks;
+    load(n, w, coordinate_dofs, &b);
+    tangent_blocks(&b.frame, c, &blocks);
+    if (filter)
+      filter_blocks(&blocks, filter);
+    moduli(&b, &blocks, D[n]);
+  }
+  for (int a = 0; a < DOFS; ++a)
+  {
+    /* T[i][k][L] = Σ_J ∂_J φ_a D[iJ][kL], at each point. */
+    lanes T[BATCHES][DIM][DIM][DIM];
+    for (int n = 0; n < BATCHES; ++n)
+      for (int i = 0; i < DIM; ++i)
+        for (int y = 0; y < PRODUCTS; ++y)
+        {
+          lanes t = all(0);
+          for (int j = 0; j < DIM; ++j)
+            t += gradient_by_point[n][j][a] * D[n][i * DIM + j][y];
+          T[n][i][y / DIM][y % DIM] = t;
+        }
+    for (int block = a / ROW; block < WIDTH / ROW; ++block)
+    {
+      row K[DIM][DIM];
+      for (int i = 0; i < DIM; ++i)
+        for (int k = 0; k < DIM; ++k)
+          K[i][k] = (row){0};
+      for (int q = 0; q < POINTS; ++q)
+        for (int j = 0; j < DIM; ++j)
+        {
+          const row g = gradient_by_dof[q][j][block];
+          for (int i = 0; i < DIM; ++i)
+            for (int k = 0; k < DIM; ++k)
+              K[i][k] += LANE(T[q / LANES][i][k][j], q % LANES) * g;
+        }
+      /* The element matrix is symmetric: the part below the diagonal is a copy. */
+      for (int b = block * ROW; b < (block + 1) * ROW && b < DOFS; ++b)
+        for (int i = 0; i < DIM; ++i)
+          for (int k = 0; k < DIM; ++k)
+          {
+            const double value = K[i][k][b % ROW];
+            if (b >= a)
+              A[(DIM * a + i) * DIM * DOFS + DIM * b + k] += value;
+            if (b > a)
+              A[(DIM * b + k) * DIM * DOFS + DIM * a + i] += value;
+          }
+    }
+  }
+}

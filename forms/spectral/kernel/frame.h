@@ -1,0 +1,130 @@
+/* Principal stretches and directions of F = I + H: F = U diag(s) Vᵀ, U and V rotations.
+ *
+ * The sign of an inverted F is on the smallest stretch (the rotation variant of the singular value
+ * decomposition). In plane strain the third direction stays e₃ and its stretch one.
+ */
+struct frame
+{
+  lanes U[3][3], V[3][3]; /* [n][i]: component i of direction n */
+  lanes s[3], e[3];       /* stretches, and stretches less one without cancellation at small H */
+  mask small;             /* where e is more exact than s */
+};
+
+/* Puts the longer of two columns first; one changes its sign, so that V remains a rotation. */
+static inline void sort(lanes G[3][3], lanes V[3][3], lanes size[3], int p, int q)
+{
+  const mask m = size[p] < size[q];
+  const lanes length = size[p];
+  size[p] = select(m, size[q], length);
+  size[q] = select(m, length, size[q]);
+  for (int i = 0; i < 3; ++i)
+  {
+    const lanes g = G[p][i], v = V[p][i];
+    G[p][i] = select(m, G[q][i], g);
+    G[q][i] = select(m, -g, G[q][i]);
+    V[p][i] = select(m, V[q][i], v);
+    V[q][i] = select(m, -v, V[q][i]);
+  }
+}
+
+/* A unit vector normal to the unit vector u. */
+static inline void normal(const lanes u[3], lanes n[3])
+{
+  const lanes sign = select(u[2] < 0, all(-1), all(1));
+  const lanes a = -1 / (sign + u[2]);
+  n[0] = 1 + sign * u[0] * u[0] * a;
+  n[1] = sign * u[0] * u[1] * a;
+  n[2] = -sign * u[0];
+}
+
+static inline void rotations(lanes G[3][3], struct frame *f, lanes linear)
+{
+  lanes B[3][3];
+  for (int n = 0; n < 3; ++n)
+    for (int i = 0; i < 3; ++i)
+      B[n][i] = G[n][i] + linear * f->V[n][i];
+
+  lanes(*U)[3] = f->U;
+  const lanes first = root(dot(B[0], B[0]));
+  const mask none = first == 0;
+  for (int i = 0; i < 3; ++i)
+    U[0][i] = select(none, all(i == 0), B[0][i] / first);
+  f->s[0] = first;
+#if DIM == 2
+  U[1][0] = -U[0][1];
+  U[1][1] = U[0][0];
+  U[1][2] = U[2][0] = U[2][1] = all(0);
+  U[2][2] = all(1);
+#else
+  /* The columns are orthogonal to their own precision; where the second is zero any normal serves. */
+  lanes other[3];
+  const lanes along = dot(U[0], B[1]);
+  for (int i = 0; i < 3; ++i)
+    B[1][i] -= along * U[0][i];
+  const lanes second = root(dot(B[1], B[1]));
+  const mask flat = second <= DBL_MIN;
+  normal(U[0], other);
+  for (int i = 0; i < 3; ++i)
+    U[1][i] = select(flat, other[i], B[1][i] / second);
+  for (int i = 0; i < 3; ++i)
+  {
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+    U[2][i] = U[0][j] * U[1][k] - U[0][k] * U[1][j];
+  }
+#endif
+  f->s[1] = dot(U[1], B[1]);
+  f->s[2] = dot(U[2], B[2]);
+}
+
+/* H[i][j] = ∂u_i/∂X_j. */
+static void decompose(const lanes H[3][3], struct frame *f)
+{
+  lanes G[3][3], squared = all(0);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+    {
+      squared += H[i][j] * H[i][j];
+      f->V[i][j] = all(i == j);
+    }
+#if OBJECTIVE
+  /* Here the stretches lie between 1/2 and 3/2, and 1 + e is as exact as they can be. */
+  f->small = squared < 0.25;
+  const lanes linear = select(f->small, all(1), all(0));
+  for (int n = 0; n < 3; ++n)
+    for (int i = 0; i < 3; ++i)
+      G[n][i] = H[i][n] + (1 - linear) * f->V[n][i];
+  jacobi(G, f->V, linear, 1, DIM);
+
+  lanes size[3];
+  for (int n = 0; n < 3; ++n)
+    size[n] = dot(G[n], G[n]) + 2 * linear * dot(f->V[n], G[n]);
+  sort(G, f->V, size, 0, 1);
+#if DIM == 3
+  sort(G, f->V, size, 1, 2);
+  sort(G, f->V, size, 0, 1);
+#endif
+  rotations(G, f, linear);
+  for (int n = 0; n < 3; ++n)
+  {
+    /* (s² - 1)/2 = E_n, the principal Green strain; s - 1 = 2 E_n / (1 + sqrt(1 + 2 E_n)). */
+    const lanes exact = size[n] / (1 + root(1 + select(f->small, size[n], all(0))));
+    f->e[n] = select(f->small, exact, f->s[n] - 1);
+    f->s[n] = select(f->small, 1 + exact, f->s[n]);
+  }
+#else
+  /* Linear elasticity: principal values and directions of sym H, F taken as I + sym H. */
+  (void)squared;
+  f->small = all(0) == all(0);
+  for (int n = 0; n < 3; ++n)
+    for (int i = 0; i < 3; ++i)
+      G[n][i] = 0.5 * (H[i][n] + H[n][i]);
+  jacobi(G, f->V, all(1), 0, DIM);
+  for (int n = 0; n < 3; ++n)
+  {
+    f->e[n] = dot(f->V[n], G[n]);
+    f->s[n] = 1 + f->e[n];
+    for (int i = 0; i < 3; ++i)
+      f->U[n][i] = f->V[n][i];
+  }
+#endif
+}

@@ -1,0 +1,46 @@
+"""The kernel at single points: ψ, P and ∂P/∂F for arrays of displacement gradients."""
+
+import ctypes
+
+import numpy as np
+
+from forms.energy import Energy
+from forms.spectral import build, density
+from forms.spectral.assembly import FILTERS, check_extension
+from forms.spectral.build import SpectralError
+
+_MACROS = '#define LANES 8\n#define DIM 3\n#include "lanes.h"\n'
+
+
+def pointwise(
+    energy: Energy, H: np.ndarray, extension: float | None = None, filter: str = "none"
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """ψ, P and ∂P/∂F at displacement gradients, by the code that assembles the forms.
+
+    Args:
+        energy: Any energy.
+        H: F - I, H[:, i, j] = ∂u_i/∂X_j, shape (n, 3, 3).
+        extension: See `SpectralForms`.
+        filter: See `SpectralForms.filter`.
+
+    Returns:
+        ψ of shape (n,), P of shape (n, 3, 3), ∂P/∂F of shape (n, 9, 9) with rows and columns 3i + j.
+
+    Raises:
+        SpectralError: If the filter, the threshold or the shape of H is impossible.
+    """
+    gradients = np.ascontiguousarray(H, dtype=np.float64)
+    if gradients.ndim != 3 or gradients.shape[1:] != (3, 3):
+        raise SpectralError(f"H: expected shape (n, 3, 3), got {gradients.shape}")
+    if filter not in FILTERS:
+        raise SpectralError(f"filter: expected one of {', '.join(FILTERS)}, got {filter!r}")
+    check_extension(energy, extension)
+    extended = extension is not None
+    key = density.signature(energy, extended)
+    library = build.load("pointwise.c", key, lambda: f"{_MACROS}{density.code(energy, extended)}")
+    n = len(gradients)
+    psi, P, D = np.empty(n), np.empty((n, 3, 3)), np.empty((n, 9, 9))
+    constants = np.array([*energy.constants(), FILTERS.index(filter), extension or 0.0])
+    arrays = [ctypes.c_void_p(array.ctypes.data) for array in (gradients, constants, psi, P, D)]
+    library.pointwise(ctypes.c_int64(n), *arrays)
+    return psi, P, D

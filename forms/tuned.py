@@ -1,0 +1,59 @@
+"""From a material's name and a few numbers to the energy that is solved: calibrated, mixed, and tuned."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from forms.energy import Energy, MaterialError
+from forms.materials import get
+from forms.normalize import calibrate as calibrate_material
+from forms.normalize import check_rest, lame_pair
+from forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
+
+
+def tuned_energy(
+    name: str,
+    E: float | None = None,
+    nu: float | None = None,
+    alpha: float | None = None,
+    alpha_lambda: float | None = None,
+    alpha_mu: float | None = None,
+    volume: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    calibrate: str | Sequence[str] | None = None,
+) -> Energy:
+    """The energy of a material with the Lamé pair of E and ν and the given nonlinearity.
+
+    Args:
+        name: Name in the catalogue.
+        E: Young's modulus, in the unit of stress; without E and nu the parameters stand as given.
+        nu: Poisson's ratio.
+        alpha: Nonlinearity exponent of the whole energy (Chen & Barbič, Eq. 16).
+        alpha_lambda: Exponent of the λ part (Eq. 20).
+        alpha_mu: Exponent of the μ part (Eq. 20).
+        volume: Material whose λ part is taken (Eq. 19, Section 6).
+        parameters: Parameters and options that differ from the defaults.
+        calibrate: See `forms.normalize.calibrate`.
+
+    Raises:
+        MaterialError: If the material cannot be what is asked for.
+    """
+    material = get(name)
+    given = dict(parameters or {})
+    if (E is None) != (nu is None):
+        missing = "nu" if nu is None else "E"
+        raise MaterialError(f"{missing}: missing; expected both E and nu, or neither and all parameters as given")
+    if E is None or nu is None:
+        energy = material.energy(**given)
+        lame_lambda = check_rest(energy).lame_lambda
+    else:
+        energy = calibrate_material(material, E, nu, given, calibrate, augmented=volume is not None)
+        lame_lambda = lame_pair(E, nu)[0]
+    if volume is not None:
+        energy = with_volume(energy, get(volume).energy(), lame_lambda)
+    if alpha_lambda is None and alpha_mu is None:
+        return with_nonlinearity(energy, 1.0 if alpha is None else alpha)
+    if alpha is not None:
+        raise MaterialError("alpha: expected either alpha, or alpha_lambda and alpha_mu, got both")
+    return with_separate_nonlinearity(
+        energy, 1.0 if alpha_lambda is None else alpha_lambda, 1.0 if alpha_mu is None else alpha_mu
+    )

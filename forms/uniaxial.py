@@ -1,0 +1,84 @@
+"""Uniaxial tension and compression of a point: the curve that a tensile test of the material gives."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from numpy.typing import ArrayLike, NDArray
+
+from forms.energy import Energy
+from forms.kinematics import PrincipalStretches, as_numpy
+
+# From one stretch to the next by steps of this logarithm, in which the sides may move by this one: farther
+# away is another branch of equilibria, to which a bar would jump.
+_STEP, _REACH = 0.02, 0.25
+
+
+def uniaxial(energy: Energy, stretches: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nominal stress and lateral stretch of a bar pulled along one axis and free at its sides.
+
+    The lateral stretch is the one reached by stretching gradually from rest: a local minimum of the energy,
+    of which a material may have several. The curve ends where that minimum does.
+
+    Args:
+        energy: Strain-energy density, at rest at F = I.
+        stretches: Positive stretches along the axis, shape (n,), in any order.
+
+    Returns:
+        First Piola-Kirchhoff stress along the axis, in the unit of the moduli, and the stretch across, both
+        of shape (n,), not a number beyond the end of the curve.
+
+    Raises:
+        ValueError: If a stretch is not positive.
+    """
+    wanted = np.asarray(stretches, dtype=float)
+    if not (np.isfinite(wanted).all() and (wanted > 0).all()):
+        raise ValueError(f"expected positive stretches, got {wanted.min():g} to {wanted.max():g}")
+    stresses = _principal_stresses(energy)
+    lateral = np.full(wanted.shape, np.nan)
+    for side in (np.flatnonzero(wanted >= 1), np.flatnonzero(wanted < 1)):
+        previous, width = 1.0, 1.0
+        for i in side[np.argsort(np.abs(np.log(wanted[side])))]:
+            for stretch in _path(previous, wanted[i]):
+                width = _lateral_equilibrium(stresses, stretch, width)
+            previous, lateral[i] = wanted[i], width
+    stress = stresses(wanted, lateral)[0]
+    return np.where(np.isnan(lateral), np.nan, stress), lateral
+
+
+def _principal_stresses(energy: Energy) -> Callable[..., tuple[Any, ...]]:
+    """(p₁, p₂) at stretches (λ, w, w), a function of λ and w."""
+    s = [ufl.variable(ufl.as_ufl(1.0)) for _ in range(3)]
+    constants = [ufl.variable(ufl.as_ufl(float(value))) for value in energy.constants()]
+    psi = ufl.as_ufl(energy.density(PrincipalStretches(s), energy.unpack(constants)))
+    function = as_numpy([ufl.diff(psi, s[0]), ufl.diff(psi, s[1])], s)
+    return lambda stretch, width: function(stretch, width, width)
+
+
+def _path(start: float, end: float) -> Sequence[float]:
+    """Stretches from one to the other in small steps, without the first."""
+    steps = int(np.ceil(abs(np.log(end / start)) / _STEP))
+    return list(np.geomspace(start, end, steps + 1)[1:]) or [end]
+
+
+def _lateral_equilibrium(stresses: Callable[..., tuple[Any, ...]], stretch: float, start: float) -> float:
+    """The lateral stretch without stress that is near and downhill of a start; not a number without one."""
+    from scipy.optimize import brentq
+
+    def pull(logarithm: float) -> float:
+        width = np.exp(logarithm)
+        return float(stresses(stretch, width)[1])
+
+    origin = here = float(np.log(start))
+    stress = pull(here)
+    if stress == 0 or not np.isfinite(stress):
+        return start if stress == 0 else np.nan
+    # The energy falls against the stress; the first change of its sign is the nearest minimum.
+    step = -np.sign(stress) * 1e-3
+    while abs(here - origin) < _REACH:
+        there = here + step
+        if pull(there) * stress <= 0:
+            return float(np.exp(brentq(pull, here, there, xtol=1e-15, rtol=1e-15)))
+        here, step = there, 1.5 * step
+    return np.nan

@@ -1,0 +1,83 @@
+"""gmsh on rank 0: started and ended in one place, its failures raised on every rank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from geometry.errors import GeometryError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+T = TypeVar("T")
+
+
+def on_root(comm: MPI.Comm, task: Callable[[], T]) -> T:
+    """Run a task on rank 0 and share what came of it; collective.
+
+    Args:
+        comm: Communicator of all who call.
+        task: Called on rank 0 only; returns something small that pickles.
+
+    Returns:
+        The task's result, on every rank.
+
+    Raises:
+        GeometryError: On every rank, whatever the task raised on rank 0: ranks that waited for a mesh
+            would wait for ever otherwise.
+    """
+    outcome: tuple[str | None, Any] = (None, None)
+    cause: Exception | None = None
+    if comm.rank == 0:
+        try:
+            outcome = (None, task())
+        except GeometryError as error:
+            outcome, cause = (str(error), None), error
+        except Exception as error:
+            text = " ".join(str(error).split()) or type(error).__name__
+            outcome = (f"gmsh: expected a mesh, got the error: {text}", None)
+            cause = error
+    failure, result = comm.bcast(outcome, root=0)
+    if failure is not None:
+        raise GeometryError(failure) from cause
+    value: T = result
+    return value
+
+
+@contextmanager
+def session(comm: MPI.Comm) -> Iterator[Any]:
+    """Open an empty gmsh model on rank 0, and remove it at the end.
+
+    A gmsh that the caller has started is used and left running; otherwise it is started and ended here.
+
+    Yields:
+        `gmsh.model` on rank 0, None elsewhere.
+    """
+    started = on_root(comm, _start)
+    try:
+        yield _gmsh().model if comm.rank == 0 else None
+    finally:
+        if comm.rank == 0:
+            if started:
+                _gmsh().finalize()
+            else:
+                _gmsh().model.remove()
+
+
+def _start() -> bool:
+    gmsh = _gmsh()
+    started = not gmsh.isInitialized()
+    if started:
+        # Interruptible, gmsh would take SIGINT from Python; the user's gmshrc would make meshes differ.
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("elastune")
+    return bool(started)
+
+
+def _gmsh() -> Any:
+    import gmsh
+
+    return gmsh
