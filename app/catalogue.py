@@ -70,25 +70,26 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     nu = 0.0 if lacks_lambda else nu
     plain = {key: value for key, value in options.items() if not key.startswith("alpha")}
     base, chosen = tuned_energy(name, E, nu, **plain), tuned_energy(name, E, nu, **options)
-    at_rest = linearize(chosen)
+    achieved = _rounded(linearize(chosen))
+    path = out if out.suffix == ".png" else out / f"{name}.png"
+    exponents = {key: options[key] for key in options if key not in plain and options[key] is not None}
+    _draw(path, name, base, chosen, exponents, achieved)
 
     console.print(f"[bold]{name}[/bold]  [dim]{material.source}[/dim]", highlight=False)
-    console.print(material.formula, highlight=False)
+    console.print(material.formula, highlight=False, markup=False)
     if material.notes:
-        console.print(material.notes, style="dim", highlight=False)
-    path = out if out.suffix == ".png" else out / f"{name}.png"
+        console.print(material.notes, style="dim", highlight=False, markup=False)
     facts = Table.grid(padding=(0, 3, 0, 0))
     facts.add_row("parameters", _values(chosen))
-    facts.add_row("E, ν", f"{at_rest.youngs_modulus:.6g}, {_rounded(at_rest)[1]:.6g}")
-    facts.add_row("λ_Lamé, μ_Lamé", f"{_rounded(at_rest)[2]:.6g}, {at_rest.lame_mu:.6g}")
+    for label, value in zip(_NUMBERS, achieved, strict=True):
+        facts.add_row(label, f"{value:.6g}")
     facts.add_row("domain", _domain(chosen))
     for option, choices in material.options.items():
         facts.add_row(option, " | ".join(choices))
     facts.add_row("curve", str(path))
     console.print(facts, highlight=False)
     if lacks_lambda:
-        console.print(_NO_LAMBDA, highlight=False)
-    _draw(path, name, base, chosen, {key: options[key] for key in options if key not in plain}, at_rest)
+        console.print(_NO_LAMBDA, highlight=False, markup=False)
     return path
 
 
@@ -156,8 +157,9 @@ def _blocks(rows: list[_Row], console: "Console") -> None:
 
 def _rounded(at_rest: "Linearization") -> list[float]:
     """E, ν, λ_Lamé and μ_Lamé, with a λ of pure rounding as zero."""
-    pair = [at_rest.youngs_modulus, at_rest.poissons_ratio, at_rest.lame_lambda, at_rest.lame_mu]
-    return [0.0 if abs(value) < 1e-12 * scale else value for value, scale in zip(pair, (0, 1, pair[3], 0), strict=True)]
+    without = abs(at_rest.lame_lambda) < 1e-12 * at_rest.lame_mu
+    nu, lame_lambda = (0.0, 0.0) if without else (at_rest.poissons_ratio, at_rest.lame_lambda)
+    return [at_rest.youngs_modulus, nu, lame_lambda, at_rest.lame_mu]
 
 
 def _values(energy: "Energy") -> str:
@@ -170,7 +172,12 @@ def _domain(energy: "Energy | Material") -> str:
 
 
 def _draw(
-    path: Path, name: str, base: "Energy", chosen: "Energy", exponents: Mapping[str, float], at_rest: "Linearization"
+    path: Path,
+    name: str,
+    base: "Energy",
+    chosen: "Energy",
+    exponents: Mapping[str, float],
+    achieved: Sequence[float],
 ) -> None:
     """Nominal stress and lateral stretch over axial stretch, for a family of exponents."""
     import numpy as np
@@ -180,16 +187,15 @@ def _draw(
     from forms.tuning import with_nonlinearity
     from forms.uniaxial import uniaxial
 
-    E, nu = _rounded(at_rest)[:2]
+    E, nu, *_ = achieved
     stretches = np.linspace(*_STRETCHES, 211)
     curves: list[tuple[str, str, Energy]] = [
         (f"α = {alpha:g}", color, with_nonlinearity(base, alpha))
         for alpha, color in _FAMILY.items()
         if base.objective or alpha == 1
     ]
-    given = {key: value for key, value in exponents.items() if value is not None}
-    if given and not (set(given) == {"alpha"} and given["alpha"] in _FAMILY):
-        label = ", ".join(f"{key.replace('alpha', 'α')} = {value:g}" for key, value in given.items())
+    if exponents and exponents.get("alpha") not in _FAMILY:
+        label = ", ".join(f"{key.replace('alpha', 'α')} = {value:g}" for key, value in exponents.items())
         curves.append((label, "#2a9d6f", chosen))
 
     figure = Figure(figsize=(7, 6), dpi=150, layout="constrained")

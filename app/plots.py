@@ -4,6 +4,8 @@ VTK draws in a process of its own, on a virtual display where there is one: it a
 display is. As a script, `plots.py DATA IMAGE`, this file is that process.
 """
 
+from __future__ import annotations
+
 import os
 import shutil
 import subprocess
@@ -12,10 +14,13 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from app.results import Step
 
 Array = NDArray[Any]
 
@@ -27,13 +32,50 @@ class PlotError(Exception):
     """A picture that could not be made."""
 
 
-def curve(path: Path, x: Sequence[float], y: Sequence[float], labels: tuple[str, str], title: str) -> None:
-    """Draws y over x.
+def curve_points(
+    boundary: Mapping[str, Any], body: Any, steps: Sequence[Step], largest: Mapping[float, float]
+) -> tuple[tuple[str, str], list[tuple[float, float]]]:
+    """What the curve of a scene shows, from the state at rest on.
+
+    Where a face moves, its force over its path; where one turns, the energy over its angle; otherwise the load
+    over the largest displacement.
+
+    Args:
+        boundary: The scene's conditions by face.
+        body: The scene's load on the volume, or None.
+        steps: The converged steps.
+        largest: Largest displacement of the body, by load factor.
+
+    Returns:
+        Labels of x and y, and the points.
+    """
+    loading = [(face, condition) for face, condition in boundary.items() if condition.loads]
+    # A prescribed motion tells more than a load beside it.
+    loading.sort(key=lambda entry: ("move", "rotate", "pull", "pressure").index(entry[1].kind))
+    face, condition = loading[0] if loading else ("body", body)
+    kind = condition.kind if loading else "force"
+    value = getattr(condition, kind)
+    if kind == "move":
+        path = float(np.linalg.norm(value))
+        labels = f"displacement of {face}", f"force on {face} along its displacement"
+        points = [(step.load * path, float(np.dot(step.reaction[face], value)) / path) for step in steps]
+    elif kind == "rotate":
+        labels = f"rotation of {face} (degrees)", "energy"
+        points = [(step.load * value.angle, step.energy) for step in steps]
+    else:
+        names = {"pull": f"traction on {face}", "pressure": f"pressure on {face}", "force": "body force"}
+        labels = "largest displacement", names[kind]
+        full = value if kind == "pressure" else float(np.linalg.norm(value))
+        points = [(largest[step.load], step.load * full) for step in steps]
+    return labels, [(0.0, 0.0), *points]
+
+
+def curve(path: Path, points: Sequence[tuple[float, float]], labels: tuple[str, str], title: str) -> None:
+    """Draws a curve through points.
 
     Args:
         path: The image.
-        x: Along the bottom.
-        y: Upwards.
+        points: x and y of each.
         labels: Of the two axes.
         title: Above them.
 
@@ -46,7 +88,7 @@ def curve(path: Path, x: Sequence[float], y: Sequence[float], labels: tuple[str,
     figure = Figure(figsize=(6.4, 4.2), dpi=150, layout="constrained")
     axes = figure.add_subplot()
     axes.axhline(0.0, color="0.6", linewidth=0.8)
-    axes.plot(x, y, "-o", color="#1f5a94", markersize=4, linewidth=1.6)
+    axes.plot(*zip(*points, strict=True), "-o", color="#1f5a94", markersize=4, linewidth=1.6)
     axes.set_xlabel(labels[0])
     axes.set_ylabel(labels[1])
     axes.set_title(title, fontsize=11)

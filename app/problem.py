@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import geometry
 from app.errors import SceneError
-from app.scene import Condition, Scene, material_energy, mesh_arguments
+from app.scene import Condition, Rotation, Scene, material_energy, mesh_arguments
 from forms.elements import ELEMENTS
 from forms.potential import Loads, Potential
 
@@ -235,11 +235,16 @@ def _motion(condition: Condition, points: Array, load: float) -> Array:
     if condition.move is not None:
         motion[:, : len(condition.move)] = load * np.array(condition.move)
     elif condition.rotate is not None:
-        axis = np.array(condition.rotate.axis)
-        axis = axis / np.linalg.norm(axis)
-        arm = points - np.pad(condition.rotate.center, (0, 3 - len(condition.rotate.center)))
         angle = np.deg2rad(load * condition.rotate.angle)
-        # Rodrigues' formula, with 1 - cos as 2 sin² to keep small rotations exact.
-        turned = np.cross(axis, arm)
-        motion = np.sin(angle) * turned + 2 * np.sin(angle / 2) ** 2 * np.cross(axis, turned)
+        motion = rotated(condition.rotate, points, np.full(len(points), angle))
     return motion
+
+
+def rotated(rotation: Rotation, points: Array, angles: Array) -> Array:
+    """Displacements of points, shape (n, 3), that turn by angles in radians, shape (n,)."""
+    axis = np.array(rotation.axis) / np.linalg.norm(rotation.axis)
+    arm = points - np.pad(rotation.center, (0, 3 - len(rotation.center)))
+    # Rodrigues' formula, with 1 - cos as 2 sin² to keep small rotations exact.
+    turned = np.cross(axis, arm)
+    again = np.cross(axis, turned)
+    return np.sin(angles)[:, None] * turned + 2 * np.sin(angles / 2)[:, None] ** 2 * again

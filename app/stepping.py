@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.predict import Blend
 from app.problem import Array, Problem
 from app.solve import Minimizer, NotConverged
 
@@ -40,6 +41,7 @@ def follow(problem: Problem, report: Callable[[float, int], None] | None = None)
     """
     solve = problem.scene.solve
     minimizer = Minimizer(problem)
+    blend = Blend(problem)
     values = np.zeros_like(problem.u.x.array)
     load, size = 0.0, 1.0 / solve.steps
     for number in range(1, solve.steps + 1):
@@ -48,7 +50,7 @@ def follow(problem: Problem, report: Callable[[float, int], None] | None = None)
             # A remainder too small to be worth a step of its own joins this one.
             target = goal if load + 1.01 * size >= goal else load + size
             try:
-                values = minimizer.minimize(minimizer.predict(values, target))
+                values = minimizer.minimize(_guess(problem, minimizer, blend, values, load, target))
             except NotConverged as failure:
                 size = (target - load) / 2
                 problem.potential.load.value = load
@@ -62,3 +64,11 @@ def follow(problem: Problem, report: Callable[[float, int], None] | None = None)
                 report(load, minimizer.count.newton)
         yield State(load, values, minimizer.count.newton, minimizer.count.linear)
         minimizer.count.newton = minimizer.count.linear = 0
+
+
+def _guess(problem: Problem, minimizer: Minimizer, blend: Blend, values: Array, load: float, target: float) -> Array:
+    """The start of an increment: by the tangent, or where faces turn by the blended motion."""
+    if not blend.turning:
+        return minimizer.predict(values, target)
+    problem.potential.load.value = target
+    return blend.predict(values, load, target)

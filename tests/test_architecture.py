@@ -14,7 +14,7 @@ RANKS = [
     {"errors", "results"},
     {"scene", "catalogue", "xdmf", "fields", "plots", "compat"},
     {"problem", "output"},
-    {"solve", "measures"},
+    {"solve", "measures", "predict"},
     {"stepping"},
     {"run"},
     {"progress"},

@@ -4,7 +4,7 @@
 
 static inline lanes filtered(lanes x, int filter)
 {
-  return select(x < 0, filter == FILTER_CLAMP ? all(0) : -x, x);
+  return choose(x < 0, filter == FILTER_CLAMP ? all(0) : -x, x);
 }
 
 /* Where all pivots of the block are positive its eigenvalues are. */
@@ -46,6 +46,6 @@ static inline void filter_blocks(struct blocks *b, int filter)
     for (int j = 0; j < 3; ++j)
     {
       const lanes h = value[0] * V[0][i] * V[0][j] + value[1] * V[1][i] * V[1][j] + value[2] * V[2][i] * V[2][j];
-      b->h[i][j] = select(keep, b->h[i][j], h);
+      b->h[i][j] = choose(keep, b->h[i][j], h);
     }
 }

@@ -15,22 +15,22 @@ static inline void sort(lanes G[3][3], lanes V[3][3], lanes size[3], int p, int 
 {
   const mask m = size[p] < size[q];
   const lanes length = size[p];
-  size[p] = select(m, size[q], length);
-  size[q] = select(m, length, size[q]);
+  size[p] = choose(m, size[q], length);
+  size[q] = choose(m, length, size[q]);
   for (int i = 0; i < 3; ++i)
   {
     const lanes g = G[p][i], v = V[p][i];
-    G[p][i] = select(m, G[q][i], g);
-    G[q][i] = select(m, -g, G[q][i]);
-    V[p][i] = select(m, V[q][i], v);
-    V[q][i] = select(m, -v, V[q][i]);
+    G[p][i] = choose(m, G[q][i], g);
+    G[q][i] = choose(m, -g, G[q][i]);
+    V[p][i] = choose(m, V[q][i], v);
+    V[q][i] = choose(m, -v, V[q][i]);
   }
 }
 
 /* A unit vector normal to the unit vector u. */
 static inline void normal(const lanes u[3], lanes n[3])
 {
-  const lanes sign = select(u[2] < 0, all(-1), all(1));
+  const lanes sign = choose(u[2] < 0, all(-1), all(1));
   const lanes a = -1 / (sign + u[2]);
   n[0] = 1 + sign * u[0] * u[0] * a;
   n[1] = sign * u[0] * u[1] * a;
@@ -48,7 +48,7 @@ static inline void rotations(lanes G[3][3], struct frame *f, lanes linear)
   const lanes first = root(dot(B[0], B[0]));
   const mask none = first == 0;
   for (int i = 0; i < 3; ++i)
-    U[0][i] = select(none, all(i == 0), B[0][i] / first);
+    U[0][i] = choose(none, all(i == 0), B[0][i] / first);
   f->s[0] = first;
 #if DIM == 2
   U[1][0] = -U[0][1];
@@ -65,7 +65,7 @@ static inline void rotations(lanes G[3][3], struct frame *f, lanes linear)
   const mask flat = second <= DBL_MIN;
   normal(U[0], other);
   for (int i = 0; i < 3; ++i)
-    U[1][i] = select(flat, other[i], B[1][i] / second);
+    U[1][i] = choose(flat, other[i], B[1][i] / second);
   for (int i = 0; i < 3; ++i)
   {
     const int j = (i + 1) % 3, k = (i + 2) % 3;
@@ -89,7 +89,7 @@ static void decompose(const lanes H[3][3], struct frame *f)
 #if OBJECTIVE
   /* Here the stretches lie between 1/2 and 3/2, and 1 + e is as exact as they can be. */
   f->small = squared < 0.25;
-  const lanes linear = select(f->small, all(1), all(0));
+  const lanes linear = choose(f->small, all(1), all(0));
   for (int n = 0; n < 3; ++n)
     for (int i = 0; i < 3; ++i)
       G[n][i] = H[i][n] + (1 - linear) * f->V[n][i];
@@ -107,9 +107,9 @@ static void decompose(const lanes H[3][3], struct frame *f)
   for (int n = 0; n < 3; ++n)
   {
     /* (s² - 1)/2 = E_n, the principal Green strain; s - 1 = 2 E_n / (1 + sqrt(1 + 2 E_n)). */
-    const lanes exact = size[n] / (1 + root(1 + select(f->small, size[n], all(0))));
-    f->e[n] = select(f->small, exact, f->s[n] - 1);
-    f->s[n] = select(f->small, 1 + exact, f->s[n]);
+    const lanes exact = size[n] / (1 + root(1 + choose(f->small, size[n], all(0))));
+    f->e[n] = choose(f->small, exact, f->s[n] - 1);
+    f->s[n] = choose(f->small, 1 + exact, f->s[n]);
   }
 #else
   /* Linear elasticity: principal values and directions of sym H, F taken as I + sym H. */

@@ -41,15 +41,19 @@ static inline __attribute__((always_inline)) void jacobi(lanes G[3][3], lanes V[
       const lanes gg = dot(g, g), hh = dot(h, h);
       const lanes cross = linear * (dot(v, h) + dot(w, g)) + quadratic * dot(g, h);
       const lanes difference = 2 * linear * (dot(w, h) - dot(v, g)) + quadratic * (hh - gg);
-      scale[r] = select(linear > 0, size, gg * hh) * (JACOBI_TOLERANCE * JACOBI_TOLERANCE);
+      scale[r] = choose(linear > 0, size, gg * hh) * (JACOBI_TOLERANCE * JACOBI_TOLERANCE);
       off[r] = cross * cross;
-      const lanes twice = select(difference < 0, -2 * cross, 2 * cross);
+#if LANES == 1
+      if (off[r] <= scale[r])
+        continue;
+#endif
+      const lanes twice = choose(difference < 0, -2 * cross, 2 * cross);
       const lanes length = root(difference * difference + twice * twice);
       /* (c, s) is (|difference| + length, twice), normalised: the smaller of the two angles that serve. */
       const lanes cosine = magnitude(difference) + length;
       const lanes scaling = 1 / root(cosine * cosine + twice * twice);
       const mask idle = off[r] <= scale[r];
-      const lanes c = select(idle, all(1), cosine * scaling), s = select(idle, all(0), twice * scaling);
+      const lanes c = choose(idle, all(1), cosine * scaling), s = choose(idle, all(0), twice * scaling);
       steepest = larger(steepest, 2 * s * s);
       turn(g, h, c, s);
       turn(v, w, c, s);

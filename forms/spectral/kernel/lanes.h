@@ -13,12 +13,12 @@
 typedef double lanes;
 typedef int mask;
 #define LANE(x, l) (x)
-static inline lanes select(mask m, lanes yes, lanes no) { return m ? yes : no; }
+static inline lanes choose(mask m, lanes yes, lanes no) { return m ? yes : no; }
 #else
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES)));
 #define LANE(x, l) ((x)[l])
-static inline lanes select(mask m, lanes yes, lanes no)
+static inline lanes choose(mask m, lanes yes, lanes no)
 {
   return (lanes)((m & (mask)yes) | (~m & (mask)no));
 }
@@ -52,7 +52,7 @@ static inline lanes magnitude(lanes x)
   return r;
 }
 
-static inline lanes larger(lanes a, lanes b) { return select(a > b, a, b); }
+static inline lanes larger(lanes a, lanes b) { return choose(a > b, a, b); }
 
 static inline double sum(lanes x)
 {

@@ -46,7 +46,7 @@ static inline void at_rest(const double *c, double *psi, double *p)
 static inline const struct rule *rule_for(const struct frame *f, mask near)
 {
   lanes size = larger(magnitude(f->e[0]), larger(magnitude(f->e[1]), magnitude(f->e[2])));
-  size = select(near, size, all(0));
+  size = choose(near, size, all(0));
   if (!any(size > rules[0].limit))
     return &rules[0];
   return any(size > rules[1].limit) ? &rules[2] : &rules[1];
@@ -75,9 +75,9 @@ static __attribute__((noinline)) void from_rest(const struct frame *f, const dou
       psi += (1 - rule->t[n]) * f->e[i] * change;
     }
   }
-  out->psi = select(near, psi, out->psi);
+  out->psi = choose(near, psi, out->psi);
   for (int i = 0; i < 3; ++i)
-    out->p[i] = select(near, p[i], out->p[i]);
+    out->p[i] = choose(near, p[i], out->p[i]);
 }
 
 static inline void energy_density(const struct frame *f, const double *c, struct jet *out)

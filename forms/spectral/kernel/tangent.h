@@ -39,7 +39,7 @@ static lanes inner_mean(const struct frame *f, const double *c, int i, int j, do
   (void)end;
   const lanes middle = 0.5 * (f->s[i] + f->s[j]), half = magnitude(0.5 * (f->s[i] - f->s[j]));
   const lanes distance = magnitude(c[THRESHOLD] - middle);
-  const lanes kink = select(distance < half, distance / larger(half, all(DBL_MIN)), all(1));
+  const lanes kink = choose(distance < half, distance / larger(half, all(DBL_MIN)), all(1));
   const struct rule *rule = &rules[2];
   lanes mean = all(0);
   for (int n = 0; n < rule->points; ++n)
@@ -66,13 +66,13 @@ static inline lanes divided_difference(const struct frame *f, const struct jet *
   /* What the second derivatives vary over: without singularities a stretch of one, else the stretches. */
   const lanes scale = larger(all(SMALLEST_SCALE), magnitude(f->s[i]) + magnitude(f->s[j]));
   const lanes size = magnitude(gap);
-  const lanes quotient = (jet->p[i] - sign * jet->p[j]) / select(size > DBL_MIN, gap, all(1));
+  const lanes quotient = (jet->p[i] - sign * jet->p[j]) / choose(size > DBL_MIN, gap, all(1));
   const lanes end = end_value(jet, i, j, sign);
   const mask equal = size <= EQUAL_GAP * scale, close = size <= SMALL_GAP * scale;
-  lanes result = select(equal, end, quotient);
+  lanes result = choose(equal, end, quotient);
   const mask between = close & (equal == 0);
   if (any(between))
-    result = select(between, inner_mean(f, c, i, j, sign, end, between), result);
+    result = choose(between, inner_mean(f, c, i, j, sign, end, between), result);
   return result;
 }
 
@@ -86,7 +86,7 @@ static inline void tangent_blocks(const struct frame *f, const double *c, struct
   for (int r = 0; r < PAIRS; ++r)
   {
     const int i = pair_first[r], j = pair_second[r];
-    const lanes gap = select(f->small, f->e[i] - f->e[j], f->s[i] - f->s[j]);
+    const lanes gap = choose(f->small, f->e[i] - f->e[j], f->s[i] - f->s[j]);
     b->plus[r] = divided_difference(f, &jet, c, i, j, 1, gap);
 #if !OBJECTIVE
     b->minus[r] = all(0);
@@ -97,7 +97,7 @@ static inline void tangent_blocks(const struct frame *f, const double *c, struct
     const lanes gap2 = f->s[i] + f->s[j];
     const lanes least = 1e-10 * (1 + magnitude(f->s[i]) + magnitude(f->s[j]));
     b->minus[r] = (jet.p[i] + jet.p[j]) /
-                  select(magnitude(gap2) > least, gap2, select(gap2 < 0, -least, least));
+                  choose(magnitude(gap2) > least, gap2, choose(gap2 < 0, -least, least));
 #endif
   }
 }
