@@ -80,7 +80,7 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     if material.notes:
         console.print(material.notes, style="dim", highlight=False, markup=False)
     facts = Table.grid(padding=(0, 3, 0, 0))
-    facts.add_row("parameters", _values(chosen))
+    facts.add_row("parameters", _values(chosen, digits=6))
     for label, value in zip(_NUMBERS, achieved, strict=True):
         facts.add_row(label, f"{value:.6g}")
     facts.add_row("domain", _domain(chosen))
@@ -162,9 +162,9 @@ def _rounded(at_rest: "Linearization") -> list[float]:
     return [at_rest.youngs_modulus, nu, lame_lambda, at_rest.lame_mu]
 
 
-def _values(energy: "Energy") -> str:
+def _values(energy: "Energy", digits: int = 4) -> str:
     terms = {name: value if isinstance(value, tuple) else (value,) for name, value in energy.values.items()}
-    return ", ".join(f"{name} = {' '.join(f'{term:.4g}' for term in value)}" for name, value in terms.items())
+    return ", ".join(f"{name} = {' '.join(f'{term:.{digits}g}' for term in value)}" for name, value in terms.items())
 
 
 def _domain(energy: "Energy | Material") -> str:

@@ -1,10 +1,4 @@
-"""The two pictures of a run: a curve, and the deformed body.
-
-VTK draws in a process of its own, on a virtual display where there is one: it aborts the process where no
-display is. As a script, `plots.py DATA IMAGE`, this file is that process.
-"""
-
-from __future__ import annotations
+"""The two pictures of a run: a curve, and the deformed body."""
 
 import os
 import shutil
@@ -14,15 +8,14 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from app.results import Step
+from app.results import Step
 
-Array = NDArray[Any]
+RENDER = Path(__file__).with_name("render.py")
 
 # Generous for a million cells without a graphics card; the rest is waiting for a display that hangs.
 PATIENCE_S = 300
@@ -57,14 +50,14 @@ def curve_points(
     value = getattr(condition, kind)
     if kind == "move":
         path = float(np.linalg.norm(value))
-        labels = f"displacement of {face}", f"force on {face} along its displacement"
+        labels = f"displacement of the {face} face", f"force on the {face} face"
         points = [(step.load * path, float(np.dot(step.reaction[face], value)) / path) for step in steps]
     elif kind == "rotate":
-        labels = f"rotation of {face} (degrees)", "energy"
+        labels = f"rotation of the {face} face in degrees", "energy"
         points = [(step.load * value.angle, step.energy) for step in steps]
     else:
-        names = {"pull": f"traction on {face}", "pressure": f"pressure on {face}", "force": "body force"}
-        labels = "largest displacement", names[kind]
+        names = {"pull": "traction on the {} face", "pressure": "pressure on the {} face", "force": "body force"}
+        labels = "largest displacement", names[kind].format(face)
         full = value if kind == "pressure" else float(np.linalg.norm(value))
         points = [(largest[step.load], step.load * full) for step in steps]
     return labels, [(0.0, 0.0), *points]
@@ -114,7 +107,7 @@ def picture(path: Path, data: Mapping[str, Any]) -> None:
         np.savez(source, **data)
         with _display() as environment:
             # -P: the modules beside this file are not to be found under their bare names.
-            _call([sys.executable, "-P", __file__, str(source), str(image)], environment)
+            _call([sys.executable, "-P", str(RENDER), str(source), str(image)], environment)
         if not image.is_file():
             raise PlotError("PyVista left no image")
         shutil.copyfile(image, path)
@@ -162,99 +155,3 @@ def _display() -> Iterator[dict[str, str]]:
     finally:
         server.terminate()
         server.wait()
-
-
-def _render(source: str, image: str) -> None:
-    """Draws; runs in the child."""
-    import pyvista
-
-    data = np.load(source)
-    rest = pyvista.UnstructuredGrid({int(data["vtk_type"]): data["cells"]}, data["points"])
-    body = rest.copy()
-    body.points = data["points"] + data["displacement"]
-    label, values = str(data["label"]), data["values"]
-    if len(values) == body.n_points:
-        body.point_data[label] = values
-    else:
-        body.cell_data[label] = values
-        body = body.cell_data_to_point_data()
-    flat = bool(np.ptp(rest.points[:, 2]) == 0)
-    # Second-order cells are drawn curved.
-    surface = body.extract_surface(nonlinear_subdivision=2)
-    rest_surface = rest.extract_surface(nonlinear_subdivision=2)
-    if flat:
-        outline = rest_surface.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
-    else:
-        outline = rest_surface.extract_feature_edges(feature_angle=35)
-
-    towards = np.array([0.0, 0.0, 1.0]) if flat else np.array([0.45, -1.0, 0.42])
-    up = np.array([0.0, 1.0, 0.0]) if flat else np.array([0.0, 0.0, 1.0])
-    towards /= np.linalg.norm(towards)
-    right = np.cross(up, towards)
-    right /= np.linalg.norm(right)
-    above = np.cross(towards, right)
-    seen = np.vstack([surface.points, outline.points])
-    across, upwards = seen @ right, seen @ above
-    width, height = max(np.ptp(across), 1e-300), max(np.ptp(upwards), 1e-300)
-    middle = (
-        (across.max() + across.min()) / 2 * right
-        + (upwards.max() + upwards.min()) / 2 * above
-        + np.mean(seen @ towards) * towards
-    )
-
-    # The image takes the shape of what is seen, with a column for the colour bar on the right.
-    ratio = float(np.clip(width / height, 0.5, 2.4))
-    tall = round(np.clip(1000 / ratio**0.5, 640, 1100))
-    bar = 190
-    wide = round(tall * ratio) + bar
-    pixel = max(width / (wide - bar), height / tall) * 1.12
-    plotter = pyvista.Plotter(off_screen=True, window_size=(wide, tall))
-    plotter.set_background("white")
-    span = [float(np.nanmin(surface[label])), float(np.nanmax(surface[label]))]
-    if not span[0] < span[1] - 1e-9 * abs(span[1]):
-        span = [span[0] - 0.5, span[0] + 0.5]
-    plotter.add_mesh(
-        surface,
-        scalars=label,
-        cmap="viridis",
-        clim=span,
-        lighting=not flat,
-        ambient=0.25,
-        diffuse=0.8,
-        smooth_shading=not flat,
-        split_sharp_edges=not flat,
-        show_scalar_bar=False,
-    )
-    plotter.add_mesh(_cell_edges(body, surface), color="black", opacity=0.25, line_width=1.0)
-    plotter.add_mesh(outline, color="#555555", line_width=2.0)
-    plotter.add_scalar_bar(
-        title=label + "\n",
-        vertical=True,
-        position_x=1 - (bar - 40) / wide,
-        position_y=0.15,
-        width=70 / wide,
-        height=0.7,
-        color="black",
-        title_font_size=24,
-        label_font_size=20,
-        fmt="%.3g",
-        n_labels=5,
-    )
-    centre = middle + right * (bar / 2) * pixel
-    reach = 4 * float(np.linalg.norm(np.ptp(seen, axis=0)))
-    camera = plotter.camera
-    camera.parallel_projection = True
-    camera.focal_point, camera.position, camera.up = centre, centre + reach * towards, up
-    camera.parallel_scale = tall * pixel / 2
-    plotter.renderer.reset_camera_clipping_range()
-    plotter.enable_anti_aliasing("ssaa")
-    plotter.screenshot(image)
-    plotter.close()
-
-
-def _cell_edges(body: Any, surface: Any) -> Any:
-    return surface.extract_feature_edges(feature_angle=35)
-
-
-if __name__ == "__main__":
-    _render(*sys.argv[1:])

@@ -21,7 +21,7 @@ class Screen(Progress):
     def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
         """Prepares a bar that is shown on terminals only."""
         self.scene = scene
-        self.console = Console(quiet=comm.rank != 0, highlight=False)
+        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True)
         self.bar = Bar(
             TextColumn("{task.description}"),
             BarColumn(),

@@ -38,7 +38,7 @@ def build(
         shape: "cube", "box", "cylinder", "square", "rectangle" or "file".
         size: Edge of a cube or square; [x, y, z] of a box; [x, y] of a rectangle; [radius, height] of a
             cylinder. Any unit of length; the mesh has the same.
-        cells: Cells along the longest edge, across the diameter of a cylinder (at least 3), the other
+        cells: Cells along the longest edge, across the diameter of a cylinder (at least 4), the other
             directions in proportion; or one count for each edge, [across, along] for a cylinder.
         cell: "hexahedron" or "tetrahedron" (six in the place of a hexahedron); in 2D "quadrilateral" or
             "triangle" (two).

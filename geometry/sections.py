@@ -25,7 +25,7 @@ Parts = tuple[dict[str, list[int]], list[int]]
 def make_model(model: Any, plan: Plan) -> None:
     """Mesh a plan at unit size, its faces and its cells in physical groups.
 
-    The group of face number i of the shape has tag i + 1, that of the cells has tag 1.
+    The tags of the faces count from 1 in the order of `plan.shape.faces`, that of the cells is 1.
 
     Args:
         model: An empty `gmsh.model`.

@@ -13,6 +13,8 @@ from geometry.errors import GeometryError
 SOLID, PLANE = ("tetrahedron", "hexahedron"), ("triangle", "quadrilateral")
 MOST_CELLS = 10**8
 SMALLEST_GRADE = 0.01
+# With 3 a single curved cell would span a quarter of the circle, and tetrahedra invert.
+FEWEST_ACROSS = 4
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ def _counts(shape: str, kind: Shape, lengths: tuple[float, ...], cells: Any, h: 
         # A length that is a whole number of cells up to rounding must not get one more.
         counts = [math.ceil(_bounded(extent / h) - 1e-9) for extent in extents]
         if shape == "cylinder":
-            counts[0] = max(counts[0], 3)
+            counts[0] = max(counts[0], FEWEST_ACROSS)
     else:
         given = f"cells = {cells!r}"
         values = _as_list(cells) or [cells]
@@ -195,8 +197,9 @@ def _counts(shape: str, kind: Shape, lengths: tuple[float, ...], cells: Any, h: 
         if len(values) == 1:
             reference = extents[0] if shape == "cylinder" else max(extents)
             counts = [round(_bounded(counts[0] * (extent / reference))) for extent in extents]
-    if shape == "cylinder" and counts[0] < 3:
-        raise GeometryError(f"{given}: expected at least 3 cells across the diameter of a cylinder")
+    if shape == "cylinder" and counts[0] < FEWEST_ACROSS:
+        least = f"at least {FEWEST_ACROSS} cells across the diameter of a cylinder"
+        raise GeometryError(f"{given}: expected {least}")
     total = math.prod(counts) * (counts[0] if shape == "cylinder" else 1)
     if total > MOST_CELLS:
         raise GeometryError(f"{given}: expected at most {MOST_CELLS:,} cells, got about {total:,}")

@@ -21,6 +21,9 @@ from mpi4py import MPI
 from geometry import Geometry, GeometryError, build, face_names
 from geometry.grading import relative_sizes
 
+# Later releases of dolfinx keep one array for each cell type beside the only one there is here.
+pytestmark = pytest.mark.filterwarnings("ignore:dofmap is deprecated:DeprecationWarning")
+
 COMM = MPI.COMM_WORLD
 SOLID, PLANE = ("tetrahedron", "hexahedron"), ("triangle", "quadrilateral")
 SIZES: dict[str, Any] = {
@@ -69,6 +72,11 @@ def area(g: Geometry, name: str) -> float:
     return float(COMM.allreduce(fem.assemble_scalar(form), op=MPI.SUM))
 
 
+def degree(g: Geometry) -> int:
+    """Order of the cells."""
+    return int(g.mesh.ufl_domain().ufl_coordinate_element().basix_element.degree)
+
+
 def integration_entities(g: Geometry, name: str) -> np.ndarray:
     """Pairs (cell, local facet) of a face."""
     topology = g.mesh.topology
@@ -105,10 +113,10 @@ def test_shape(shape: str, cell: str, order: int, grade: dict[str, float]) -> No
     """Volume and areas have their closed forms, faces are where their names say, no cell is inverted."""
     g = made(shape, cell, order, tuple(grade.items()))
     tdim, extents = g.mesh.topology.dim, lengths(shape)
-    assert g.mesh.geometry.cmap.degree == order
+    assert degree(g) == order
     assert set(g.faces) == set(face_names(shape))
     assert g.cell_tags is None
-    assert jacobians(g).min() > 0
+    assert (jacobians(g) > 0).all()
 
     volume, areas = math.prod(extents[:tdim]), {}
     for name, (axis, _) in ENDS[tdim].items():
@@ -169,6 +177,14 @@ def test_mid_nodes_lie_on_the_side(cell: str) -> None:
     space = fem.functionspace(g.mesh, ("Lagrange", 2))
     x = space.tabulate_dof_coordinates()[fem.locate_dofs_topological(space, 2, g.facets("side"))]
     np.testing.assert_allclose(np.hypot(x[:, 0], x[:, 1]), 0.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cell", SOLID)
+@pytest.mark.parametrize(("cells", "grade"), [(4, 1.0), (5, 1.0), (7, 0.01), (12, 0.01)])
+def test_coarse_curved_cells_are_not_inverted(cell: str, cells: int, grade: float) -> None:
+    """Few curved cells around, and thin ones at the side, keep their orientation."""
+    g = build(COMM, "cylinder", [1.0, 1.0], [cells, 1], cell, order=2, grade={"side": grade})
+    assert (jacobians(g) > 0).all()
 
 
 @pytest.mark.parametrize("cell", SOLID)
@@ -240,11 +256,12 @@ def test_counts(arguments: dict[str, Any], counts: tuple[int, ...]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "cells"),
     [
-        ({"cells": 3}, (1 + 4) * 3),
+        ({"cells": 4}, 12 * 4),
+        ({"cells": 5}, (9 + 4 * 3) * 5),
         ({"cells": [8, 2]}, 48 * 2),
         ({"cells": 8, "cell": "tetrahedron"}, 6 * 48 * 8),
         ({"h": 0.25}, 48 * 8),
-        ({"h": 5.0}, 5),
+        ({"h": 5.0}, 12),
     ],
 )
 def test_counts_of_a_cylinder(arguments: dict[str, Any], cells: int) -> None:
@@ -285,7 +302,7 @@ def test_faces_by_name() -> None:
         ({"cells": [1, 2]}, "or 3 of them"),
         ({"cells": 10**400}, "expected a whole number"),
         ({"cells": 1000}, "cells = 1000: expected at most 100,000,000 cells, got about 1,000,000,000"),
-        ({"shape": "cylinder", "size": [1, 1], "cells": 2}, "cells = 2: expected at least 3 cells across"),
+        ({"shape": "cylinder", "size": [1, 1], "cells": 3}, "cells = 3: expected at least 4 cells across"),
         ({"h": 0}, "h = 0: expected a positive"),
         ({"h": 1e-300}, "expected at most 100,000,000 cells"),
         ({"cell": "prism"}, "cell = 'prism': expected \"tetrahedron\" or \"hexahedron\" for a cube"),
@@ -412,7 +429,7 @@ def test_file(tmp_path: Path, options: dict[str, float], rest: bool, order: int)
     g = build(COMM, "file", path=path)
     assert g.faces == {"clamped end": 30, "load": 7, "joint": 8}
     assert g.regions == {"soft": 7}
-    assert g.mesh.geometry.cmap.degree == order
+    assert degree(g) == order
     assert g.volume() == pytest.approx(2)
     assert area(g, "clamped end") == pytest.approx(1)
     assert area(g, "load") == pytest.approx(1)
@@ -426,7 +443,7 @@ def test_file(tmp_path: Path, options: dict[str, float], rest: bool, order: int)
 def test_file_raised_to_second_order(tmp_path: Path) -> None:
     """A file of straight cells gets mid nodes when curved cells are asked for."""
     g = build(COMM, "file", path=write(tmp_path, two_blocks, SaveAll=1), order=2)
-    assert g.mesh.geometry.cmap.degree == 2
+    assert degree(g) == 2
     assert g.volume() == pytest.approx(2)
 
 

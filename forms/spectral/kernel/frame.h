@@ -27,16 +27,6 @@ static inline void sort(lanes G[3][3], lanes V[3][3], lanes size[3], int p, int 
   }
 }
 
-/* A unit vector normal to the unit vector u. */
-static inline void normal(const lanes u[3], lanes n[3])
-{
-  const lanes sign = choose(u[2] < 0, all(-1), all(1));
-  const lanes a = -1 / (sign + u[2]);
-  n[0] = 1 + sign * u[0] * u[0] * a;
-  n[1] = sign * u[0] * u[1] * a;
-  n[2] = -sign * u[0];
-}
-
 static inline void rotations(lanes G[3][3], struct frame *f, lanes linear)
 {
   lanes B[3][3];
@@ -66,11 +56,7 @@ static inline void rotations(lanes G[3][3], struct frame *f, lanes linear)
   normal(U[0], other);
   for (int i = 0; i < 3; ++i)
     U[1][i] = choose(flat, other[i], B[1][i] / second);
-  for (int i = 0; i < 3; ++i)
-  {
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    U[2][i] = U[0][j] * U[1][k] - U[0][k] * U[1][j];
-  }
+  cross_product(U[0], U[1], U[2]);
 #endif
   f->s[1] = dot(U[1], B[1]);
   f->s[2] = dot(U[2], B[2]);

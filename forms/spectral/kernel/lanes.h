@@ -3,6 +3,10 @@
  * With one lane these are plain scalars, so that a linear tetrahedron pays nothing for the rest.
  */
 #pragma once
+#if LANES == 1 && defined(__x86_64__)
+/* Loops over the twelve unknowns of a linear tetrahedron are three registers of four, not one and a half of eight. */
+#pragma GCC target("prefer-vector-width=256")
+#endif
 #include <float.h>
 #include <math.h>
 #include <stdint.h>
