@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from forms.elements import ELEMENTS
 from forms.energy import Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
+from forms.spectral import pointwise
 
 Array = NDArray[np.float64]
 
@@ -182,8 +183,6 @@ class Fields:
 
     def _respond(self, H: Array, cells: NDArray[np.int32]) -> tuple[Array, Array]:
         if self._energy.objective:
-            from forms.spectral import pointwise
-
             psi, P, _ = pointwise(self._energy, H, extension=self._extension)
             return psi, P
         values = self._evaluate(self._small_strain_response, cells).reshape(-1, 10)

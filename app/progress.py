@@ -21,7 +21,9 @@ class Screen(Progress):
     def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
         """Prepares a bar that is shown on terminals only."""
         self.scene = scene
-        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True)
+        # A launcher's pipe looks like a terminal to its ranks, and is none.
+        alone = None if comm.size == 1 else False
+        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True, force_terminal=alone)
         self.bar = Bar(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -29,16 +31,18 @@ class Screen(Progress):
             TimeElapsedColumn(),
             console=self.console,
             transient=True,
-            disable=not self.console.is_terminal,
         )
 
     def __enter__(self) -> "Screen":
-        self.bar.start()
+        # Even a disabled bar ends with an empty line.
+        if self.console.is_terminal:
+            self.bar.start()
         self.task = self.bar.add_task(self.scene.name, total=1.0)
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.bar.stop()
+        if self.console.is_terminal:
+            self.bar.stop()
 
     def start(self, problem: Problem) -> None:
         """What is about to be solved."""

@@ -44,7 +44,11 @@ BROKEN = {
     "unknown cell": ("cells = 2", 'cells = 2\ncell = "pyramid"', ["mesh.cell", "hexahedron"]),
     "graded unknown face": ("cells = 2", "cells = 2\ngrade = { leftt = 0.5 }", ["mesh", "leftt"]),
     "order of cells": ("cells = 2", "cells = 2\norder = 3", ["mesh.order", "1 or 2"]),
-    "element on wrong cells": ("steps = 1", 'steps = 1\nelement = "P2"\n[mesh2]', ["P2"]),
+    "element on wrong cells": (
+        "cells = 2\n[solve]",
+        'cells = 2\ncell = "hexahedron"\n[solve]\nelement = "P2"',
+        ["solve.element", "P2", "hexahedron"],
+    ),
     "unknown element": ("steps = 1", 'steps = 1\nelement = "Q9"', ["solve.element", "Q2"]),
     "no steps": ("steps = 1", "steps = 0", ["solve.steps"]),
     "negative tolerance": ("steps = 1", "steps = 1\ntolerance = -1e-8", ["solve.tolerance"]),

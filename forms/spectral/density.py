@@ -2,15 +2,16 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
-from itertools import product
+from itertools import islice, product
 from typing import Any
 
 import basix.ufl
 import numpy as np
 import ufl
-from ufl.classes import Conditional
-from ufl.corealg.traversal import unique_pre_traversal
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 
 from forms.energy import Energy
 from forms.kinematics import PrincipalStretches, Scalar
@@ -24,23 +25,47 @@ def _domain() -> ufl.Mesh:
     return ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)), ufl_id=0)
 
 
-def _arguments(energy: Energy, extended: bool) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
-    """Stretches, excess below the threshold, and material constants, in the order of the kernel's array."""
-    groups = [3] * (2 if extended else 1) + [len(energy.constants())]
-    vectors = [ufl.Constant(_domain(), shape=(n,), count=i) for i, n in enumerate(groups)]
-    entries = [[vector[i] for i in range(n)] for vector, n in zip(vectors, groups, strict=True)]
-    return entries[0], entries[1] if extended else [], entries[-1]
+@dataclass(frozen=True)
+class _Arguments:
+    """Entries of the array that the generated function reads, in its order; see kernel/density.h."""
+
+    stretches: list[Scalar]
+    excess: list[Scalar]
+    deciding: list[Scalar]
+    constants: list[Scalar]
+
+
+def _arguments(energy: Energy, extended: bool) -> _Arguments:
+    sizes = [3, 3 if extended else 0, 3, len(energy.constants())]
+    # One vector, because FFCx leaves out constants that do not occur.
+    vector = ufl.Constant(_domain(), shape=(sum(sizes),), count=0)
+    entries = iter(vector[i] for i in range(sum(sizes)))
+    return _Arguments(*(list(islice(entries, n)) for n in sizes))
 
 
 def _density(energy: Energy, stretches: Sequence[Scalar], constants: Sequence[Scalar]) -> Scalar:
     return ufl.as_ufl(energy.density(PrincipalStretches(stretches), energy.unpack(constants)))
 
 
+class _Decide(MultiFunction):
+    """Conditions take the deciding stretches in place of the others."""
+
+    def __init__(self, mapping: dict[Any, Any]) -> None:
+        super().__init__()
+        self.mapping = mapping
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def conditional(self, o: Any, condition: Any, yes: Any, no: Any) -> Any:
+        """The same with other stretches in the condition."""
+        return ufl.conditional(ufl.replace(condition, self.mapping), yes, no)
+
+
 def signature(energy: Energy, extended: bool) -> str:
     """Everything the generated code depends on, without differentiating anything."""
-    stretches, _, constants = _arguments(energy, extended)
+    arguments = _arguments(energy, extended)
     flags = (energy.inverts, energy.objective, is_even(energy), extended)
-    return f"{_density(energy, stretches, constants)!r} {flags}"
+    return f"{_density(energy, arguments.stretches, arguments.constants)!r} {flags}"
 
 
 def is_even(energy: Energy) -> bool:
@@ -102,17 +127,17 @@ def _extended_derivatives(psi: Scalar, variables: Sequence[Scalar], excess: Sequ
 
 def code(energy: Energy, extended: bool) -> str:
     """C definition of `generated(A, c)` and the macros that describe it; see kernel/density.h."""
-    stretches, excess, constants = _arguments(energy, extended)
-    variables = [ufl.variable(s) for s in stretches]
-    psi = _density(energy, variables, constants)
-    values = _extended_derivatives(psi, variables, excess) if extended else _derivatives(psi, variables)
+    arguments = _arguments(energy, extended)
+    variables = [ufl.variable(s) for s in arguments.stretches]
+    psi = _density(energy, variables, arguments.constants)
+    psi = map_expr_dag(_Decide(dict(zip(variables, arguments.deciding, strict=True))), psi)
+    values = _extended_derivatives(psi, variables, arguments.excess) if extended else _derivatives(psi, variables)
     body = _body(expression_code(ufl.as_vector(values), np.zeros((1, 1))))
     smooth = energy.inverts and not extended
-    kinked = any(isinstance(node, Conditional) for node in unique_pre_traversal(psi))
     macros: dict[str, Any] = {
-        "CONSTANTS": len(constants),
-        "FILTER": len(constants),
-        "THRESHOLD": len(constants) + 1,
+        "CONSTANTS": len(arguments.constants),
+        "FILTER": len(arguments.constants),
+        "THRESHOLD": len(arguments.constants) + 1,
         "EXTENDED": int(extended),
         "OBJECTIVE": int(energy.objective),
         "EVEN": int(is_even(energy) and not extended),
@@ -120,10 +145,6 @@ def code(energy: Energy, extended: bool) -> str:
         "DENSITY_CALLS": int(bool(re.search(r"\b(log|exp)\(|\bpow\([^()]*, (?!-?\d+\))", body))),
         # Stretches over whose size the second derivatives vary: see tangent.h.
         "SMALLEST_SCALE": "(2 * c[THRESHOLD])" if extended else 2 if smooth else 0,
-        # A kink in the second derivatives spoils high-order rules across it: closer limits.
-        "EQUAL_GAP": 1e-13 if extended else 5e-8,
-        "SMALL_GAP": 1e-4 if kinked else 1e-2,
-        "REST_LIMIT": 1e-3 if kinked else 4e-2,
     }
     defines = "\n".join(f"#define {name} {value}" for name, value in macros.items())
     return (

@@ -16,20 +16,20 @@ struct rule
   double limit, t[5], weight[5];
 };
 static const struct rule rules[3] = {
-    {1, 1e-8, {0.5}, {1.0}},
+    {2, 4e-6, {0.21132486540518711775, 0.78867513459481288225}, {0.5, 0.5}},
     {3,
      1e-3,
      {0.11270166537925831148, 0.5, 0.88729833462074168852},
      {0.27777777777777777778, 0.44444444444444444444, 0.27777777777777777778}},
     {5,
-     REST_LIMIT,
+     4e-2,
      {0.046910077030668003601, 0.23076534494715845448, 0.5, 0.76923465505284154552, 0.9530899229693319964},
      {0.11846344252809454376, 0.23931433524968323402, 0.28444444444444444444, 0.23931433524968323402,
       0.11846344252809454376}}};
 
 static inline mask near_rest(const struct frame *f)
 {
-  return larger(magnitude(f->e[0]), larger(magnitude(f->e[1]), magnitude(f->e[2]))) < REST_LIMIT;
+  return larger(magnitude(f->e[0]), larger(magnitude(f->e[1]), magnitude(f->e[2]))) < rules[2].limit;
 }
 
 /* ψ(1) and p(1), free of rounding; the stress is the same in the three directions. */
@@ -37,7 +37,7 @@ static inline void at_rest(const double *c, double *psi, double *p)
 {
   static const double one[3] = {1, 1, 1};
   double value[VALUES];
-  density_at(one, c, value);
+  density_at(one, one, c, value);
   const double noise = 1e-11 * (fabs(value[4]) + fabs(value[5]));
   *psi = fabs(value[0]) > noise ? value[0] : 0;
   *p = fabs(value[1]) > noise ? value[1] : 0;
@@ -67,7 +67,7 @@ static __attribute__((noinline)) void from_rest(const struct frame *f, const dou
     lanes s[3];
     for (int i = 0; i < 3; ++i)
       s[i] = 1 + rule->t[n] * f->e[i];
-    density_ph(s, c, near, &jet);
+    density_ph(s, f->s, c, near, &jet);
     for (int i = 0; i < 3; ++i)
     {
       const lanes change = rule->weight[n] * (jet.h[i][0] * f->e[0] + jet.h[i][1] * f->e[1] + jet.h[i][2] * f->e[2]);
@@ -84,7 +84,7 @@ static inline void energy_density(const struct frame *f, const double *c, struct
 {
   const mask near = near_rest(f), far = near == 0;
   if (any(far))
-    density_psi(f->s, c, far, out);
+    density_psi(f->s, f->s, c, far, out);
   if (any(near))
     from_rest(f, c, near, out);
 }
@@ -93,7 +93,7 @@ static inline void principal_stress(const struct frame *f, const double *c, stru
 {
   const mask near = near_rest(f), far = near == 0;
   if (any(far))
-    density_p(f->s, c, far, out);
+    density_p(f->s, f->s, c, far, out);
   if (any(near))
     from_rest(f, c, near, out);
 }
