@@ -163,8 +163,10 @@ def _rounded(at_rest: "Linearization") -> list[float]:
 
 
 def _values(energy: "Energy", digits: int = 4) -> str:
-    terms = {name: value if isinstance(value, tuple) else (value,) for name, value in energy.values.items()}
-    return ", ".join(f"{name} = {' '.join(f'{term:.{digits}g}' for term in value)}" for name, value in terms.items())
+    def text(value: Any) -> str:
+        return " ".join(f"{term:.{digits}g}" for term in (value if isinstance(value, tuple) else (value,)))
+
+    return ", ".join(f"{name} = {text(value)}" for name, value in energy.values.items())
 
 
 def _domain(energy: "Energy | Material") -> str:

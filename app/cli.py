@@ -93,6 +93,8 @@ def _run(options: Any, petsc: list[str]) -> int:
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
 
+    # A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
+    os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler"
     from app.progress import Screen
     from app.run import run
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from app.errors import SceneError
 from app.measures import Measures
 from app.output import Output
 from app.problem import Problem
@@ -53,7 +54,10 @@ def run(
     progress = progress or Progress()
     output = Output(folder, scene, comm)
     _set_petsc_options(options)
-    problem = Problem(scene, comm)
+    try:
+        problem = Problem(scene, comm)
+    except SceneError as error:
+        raise SceneError(f"{scene.name}.toml: {error}") from None
     measures = Measures(problem)
     progress.start(problem)
     summary = _summary(problem)

@@ -99,7 +99,7 @@ class Condition(_Table):
 
     @model_validator(mode="after")
     def _one(self) -> "Condition":
-        kinds = list(self.model_fields_set)
+        kinds = [name for name in type(self).model_fields if name in self.model_fields_set]
         if len(kinds) != 1:
             known = ", ".join(type(self).model_fields)
             raise ValueError(f"expected exactly one of {known}, got {' and '.join(kinds) or 'nothing'}")

@@ -159,7 +159,7 @@ def calibrate(
         scaled = [p.name for p in moduli if not isinstance(p.default, tuple)]
         usual = material.pair if start.has_lambda else scaled
         for name in set(usual) & set(values):
-            raise MaterialError(f"{material.name}.{name}: follows from E and nu; give those or {name}, not both")
+            raise MaterialError(f"{material.name}.{name}: follows from E and nu; give those, or {name}")
     if not start.has_lambda:
         if solve_for not in (None, "least"):
             raise MaterialError(f"{material.name}: has no λ part, so no pair to solve for, got {solve_for!r}")

@@ -54,9 +54,10 @@ def test_calibrated_pair(name: str, nu: float) -> None:
 @pytest.mark.parametrize("name", WITHOUT_LAMBDA)
 def test_calibrated_without_lambda(name: str) -> None:
     assert_pair(calibrate(get(name), 3.0, 0.0), 3.0, 0.0)
-    assert linearize(calibrate(get(name), 3.0, 0.3, augmented=True)).lame_mu == pytest.approx(3 / 2.6, rel=1e-12)
+    augmented = calibrate(get(name), 3.0, 0.3, augmented=True)
+    assert linearize(augmented).lame_mu == pytest.approx(3 / 2.6, rel=1e-12)
     for nu in (-0.3, 0.2, 0.45, 0.499):
-        with pytest.raises(MaterialError, match='nu must be 0.*volume = "neo-hookean-ogden"'):
+        with pytest.raises(MaterialError, match=r'nu must be 0, .*volume = "neo-hookean-ogden"'):
             calibrate(get(name), 3.0, nu)
 
 
@@ -95,7 +96,7 @@ def test_named_pairs() -> None:
     assert_pair(calibrate(get("fung"), 1.0, 0.45, {"mu0": 0.3}, ("lam", "mu1")), 1.0, 0.45)
 
 
-@pytest.mark.parametrize("name", ["fung", "arruda-boyce", "valanis-landel-xu", "mooney-rivlin", "sts", "hencky"])
+@pytest.mark.parametrize("name", ["fung", "arruda-boyce", "valanis-landel-xu", "mooney-rivlin", "hencky"])
 def test_least_change(name: str) -> None:
     E, nu = 1.3, 0.42
     energy = calibrate(get(name), E, nu, solve_for="least")
@@ -134,19 +135,19 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     ("sts", {"given": {"mu4": "0.5"}}, "sts.mu4: expected a number, got '0.5'"),
     ("sts", {"given": {"mu4": [1.0]}}, "sts.mu4: expected a number"),
     ("sts", {"given": {"mu4": float("nan")}}, "sts.mu4: must lie between -inf and inf, got nan"),
-    ("hill", {"given": {"f": "cube"}}, "hill.f: expected one of log, biot, green, almansi, bazant, got 'cube'"),
+    ("hill", {"given": {"f": "cube"}}, "hill.f: expected one of log, biot, green, almansi, bazant, got"),
     ("seth-hill", {"given": {"alpha": 0}}, "seth-hill.alpha: must not be 0"),
     ("ogden", {"nu": 0, "given": {"alpha": [0.0], "mu": [1.0]}}, "ogden.alpha: must not be 0"),
     ("ogden", {"nu": 0, "given": {"mu": 1.0}}, "ogden.mu: expected a list of numbers"),
     ("ogden", {"nu": 0, "given": {"mu": []}}, "ogden.mu: expected a list of numbers"),
     ("ogden", {"nu": 0, "given": {"mu": [1.0, "x", 2.0]}}, "ogden.mu: expected a number, got 'x'"),
     ("ogden", {"nu": 0, "given": {"mu": [1.0]}}, "ogden: expected as many terms in each of mu, alpha"),
-    ("ogden", {"nu": 0, "given": {"mu": [1.0], "alpha": [-2.0]}}, "ogden: expected positive shear and bulk moduli"),
+    ("ogden", {"nu": 0, "given": {"mu": [1.0], "alpha": [-2.0]}}, "ogden: expected positive shear and bulk"),
     ("fung", {"solve_for": "most"}, 'fung: calibrate must be "least" or two of lam, mu0, gamma, mu1'),
     ("fung", {"solve_for": ("lam",)}, 'fung: calibrate must be "least" or two of'),
     ("fung", {"solve_for": ("lam", "lam")}, 'fung: calibrate must be "least" or two of'),
     ("fung", {"solve_for": ("lam", "beta")}, 'fung: calibrate must be "least" or two of'),
-    ("fung", {"given": {"gamma": 5.0}}, r"fung, calibrated to E = 1, nu = 0.3.mu0: must lie between 0 and inf"),
+    ("fung", {"given": {"gamma": 5.0}}, "fung, calibrated to E = 1, nu = 0.3.mu0: must lie between 0"),
     ("sts", {"solve_for": ("mu", "mu4")}, "sts: no value of mu and mu4 gives"),
 ]
 
@@ -180,22 +181,22 @@ def test_a_new_material_is_one_block(monkeypatch: pytest.MonkeyPatch) -> None:
     def unbounded(s: PrincipalStretches, c: float = 1.0) -> Any: ...
     def undecided(s: PrincipalStretches, *, f: str = "b") -> Any: ...
 
-    for function, options, expected in (
-        (undocumented, {}, "docstring"),
-        (unbounded, {}, "bounds annotation"),
-        (undecided, {"f": ("a", "b")}, "default to its first"),
+    for function, expected in (
+        (undocumented, "docstring"),
+        (unbounded, "bounds annotation"),
+        (undecided, "default to its first"),
     ):
         with pytest.raises(TypeError, match=expected):
-            material("wrong", "nowhere", inverts=True, **options)(function)
+            material("wrong", "nowhere", inverts=True, f=("a", "b"))(function)
 
 
 # ---------------------------------------------------------------- errata: what is printed, at rest
 def test_printed_energies_that_are_stressed_at_rest() -> None:
-    """∂ψ/∂λᵢ, λ and μ of the printed energies, in the closed forms found for them; calibration refuses them."""
+    """∂ψ/∂λᵢ, λ and μ of the printed energies, by closed forms of their own; calibration refuses them."""
     rng = np.random.default_rng(7)
     lam, mu, C1, C2, K, mu0, gamma, mu1 = rng.uniform(0.5, 2, 8)
     m, a = (0.6, -0.2), (1.3, -2.0)
-    pull = mu0 + gamma * mu1
+    pull, origin = mu0 + gamma * mu1, mu * (1 - lam**2 / 4)
     printed: dict[str, tuple[dict[str, Any], tuple[float, float, float]]] = {
         "ogden": ({"mu": m, "alpha": a}, (0.4, 0, (0.6 * 0.3 + 0.2 * 3) / 2)),
         "mooney-rivlin": ({"C1": C1, "C2": C2, "K": K}, (2 * C1 + 4 * C2, -4 / 3 * (2 * C1 + 5 * C2), C1)),
@@ -203,8 +204,7 @@ def test_printed_energies_that_are_stressed_at_rest() -> None:
         "rivlin-penalty": ({"lam": lam, "mu": mu}, (mu, lam, mu / 2)),
         "stable-neo-hookean-barrier": (
             {"lam": lam, "mu": mu},
-            # Of the curvature, only J's own term λ(J - α) sees α.
-            (mu * (lam**2 - 1) / 4, lam + mu / 8 - mu * (1 - lam**2 / 4), (3 * mu / 4 + mu * (1 - lam**2 / 4)) / 2),
+            (mu * (lam**2 - 1) / 4, lam + mu / 8 - origin, (3 * mu / 4 + origin) / 2),
         ),
         "fung": (
             {"lam": lam, "mu0": mu0, "gamma": gamma, "mu1": mu1},
@@ -213,8 +213,9 @@ def test_printed_energies_that_are_stressed_at_rest() -> None:
     }
     for name, (parameters, expected) in printed.items():
         at_rest = linearize(make(name, variant="printed", **parameters))
-        assert (at_rest.stress, at_rest.lame_lambda, at_rest.lame_mu) == pytest.approx(expected, rel=1e-12, abs=1e-15)
-        with pytest.raises(MaterialError, match=rf'{name}: stressed at rest, .* = [-\d.]+; .*variant = "corrected"'):
+        values = (at_rest.stress, at_rest.lame_lambda, at_rest.lame_mu)
+        assert values == pytest.approx(expected, rel=1e-12, abs=1e-15)
+        with pytest.raises(MaterialError, match=rf'{name}: stressed at rest, .* = [-\d.]+; .*"corrected"'):
             calibrate(get(name), 1.0, 0.0, {"variant": "printed"})
     assert {name for name, entry in CATALOGUE.items() if "variant" in entry.options} - set(printed) == {
         "symmetric-dirichlet",
@@ -225,8 +226,9 @@ def test_printed_energies_that_are_stressed_at_rest() -> None:
 
 def test_printed_energies_that_only_have_another_constant_or_pair() -> None:
     scale, lam, mu, area = 0.7, 1.3, 0.8, 0.4
-    assert linearize(make("symmetric-dirichlet", variant="printed", scale=scale)).energy == pytest.approx(3 * scale)
-    assert linearize(make("valanis-landel", variant="printed", lam=lam, mu=mu)).energy == pytest.approx(-6 * mu)
+    dirichlet = linearize(make("symmetric-dirichlet", variant="printed", scale=scale))
+    original = linearize(make("valanis-landel", variant="printed", lam=lam, mu=mu))
+    assert (dirichlet.energy, original.energy) == pytest.approx((3 * scale, -6 * mu))
     xu = linearize(make("valanis-landel-xu", variant="printed", lam=lam, mu=mu, area=area))
     assert (xu.stress, xu.lame_lambda, xu.lame_mu) == pytest.approx((0, lam + 2 * area, mu + 3 * area))
     for name, nu in (("symmetric-dirichlet", 0.0), ("valanis-landel", 0.3), ("valanis-landel-xu", 0.3)):

@@ -168,35 +168,7 @@ def _write(folder: Path, u: fem.Function, times: tuple[float, ...] = (0.0, 0.5, 
 
 Read = tuple[np.ndarray, np.ndarray, str, list[tuple[float, dict[str, np.ndarray]]]]
 
-
-def _read_by_meshio(path: Path) -> Read:
-    import meshio
-
-    with meshio.xdmf.TimeSeriesReader(path) as reader:
-        points, cells = reader.read_points_cells()
-        steps = []
-        for k in range(reader.num_steps):
-            time, at_nodes, in_cells = reader.read_data(k)
-            steps.append((time, at_nodes | {name: parts[0] for name, parts in in_cells.items()}))
-    return points, cells[0].data, cells[0].type, steps
-
-
-def _read_by_vtk(path: Path) -> Read:
-    import pyvista
-
-    if not hasattr(pyvista._vtk, "vtkXdmfReader"):
-        pytest.skip("this VTK is built without the XDMF reader")
-    reader = pyvista.get_reader(path)
-    steps = []
-    for time in reader.time_values:
-        reader.set_active_time_value(time)
-        grid = reader.read()
-        steps.append((time, {**grid.point_data, **grid.cell_data}))
-    (kind,) = grid.cells_dict
-    names = {vtk: name.lower().replace("_", "") for name, vtk in ()}
-    return grid.points, grid.cells_dict[kind], names.get(kind, str(kind)), steps
-
-
+# What VTK calls meshio's cells: its own node order is what the file must have.
 VTK_CELLS = {
     "tetra": "vtkTetra",
     "tetra10": "vtkQuadraticTetra",
@@ -207,3 +179,328 @@ VTK_CELLS = {
     "quad": "vtkQuad",
     "quad9": "vtkBiQuadraticQuad",
 }
+
+
+def _read(folder: Path) -> Read:
+    """Points, cells, their type, and the steps with all fields, as another program sees them."""
+    import meshio
+
+    with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
+        points, cells = reader.read_points_cells()
+        steps = []
+        for k in range(reader.num_steps):
+            time, at_nodes, in_cells = reader.read_data(k)
+            steps.append((time, at_nodes | {name: parts[0] for name, parts in in_cells.items()}))
+    return points, cells[0].data, cells[0].type, steps
+
+
+def _check_file(folder: Path, F: np.ndarray) -> None:
+    points, cells, kind, steps = _read(folder)
+    d = 3 if kind.startswith(("tetra", "hexa")) else 2
+    assert [time for time, _ in steps] == [0.0, 0.5, 1.0]
+    for time, found in steps:
+        G = np.eye(3) + time * (_plane(F, d) - np.eye(3))
+        expected = _neo_hookean(G)
+        assert found.keys() == {"displacement", *expected}
+        np.testing.assert_allclose(found["displacement"], points @ (G - np.eye(3)).T, atol=1e-13)
+        assert found["stress"].shape == (len(cells), 9)
+        for name, values in expected.items():
+            flat = np.broadcast_to(np.ravel(values) if np.ndim(values) else values, found[name].shape)
+            np.testing.assert_allclose(found[name], flat, atol=2e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(("cell", "order", "degree"), CASES)
+def test_field_file_is_read_by_others(cell: str, order: int, degree: int, tmp_path: Path) -> None:
+    from vtkmodules import vtkCommonDataModel
+
+    _write(tmp_path, _displacement(cell, order, degree, SHEARED))
+    _check_file(tmp_path, SHEARED)
+    points, cells, kind, _ = _read(tmp_path)
+    standard = getattr(vtkCommonDataModel, VTK_CELLS[kind])().GetParametricCoords()
+    standard = np.c_[np.reshape(standard, (-1, 3)), np.ones(cells.shape[1])]
+    for nodes in cells:
+        # The nodes are an affine image of those of VTK's standard cell, in this order, not turned inside out.
+        image = np.linalg.lstsq(standard, points[nodes], rcond=None)[0]
+        np.testing.assert_allclose(standard @ image, points[nodes], atol=1e-12)
+        assert np.linalg.det(image[:3] if np.ptp(points[:, 2]) else image[:2, :2]) > 1e-3
+
+
+def test_one_grid_a_step_and_the_mesh_only_once(tmp_path: Path) -> None:
+    import xml.etree.ElementTree as ET
+
+    import h5py
+
+    _write(tmp_path, _displacement("hexahedron", 1, 1, SHEARED))
+    collection = ET.parse(tmp_path / "fields.xdmf").find("Domain/Grid[@CollectionType='Temporal']")
+    assert collection is not None
+    assert [len(grid.findall("Attribute")) for grid in collection] == [6, 6, 6]
+    with h5py.File(tmp_path / "fields.h5") as file:
+        assert set(file) == {"mesh", "steps"}
+        assert set(file["mesh"]) == {"points", "cells"}
+
+
+PARALLEL = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+sys.path.insert(0, sys.argv[1])
+import test_output as t
+comm, folder = MPI.COMM_WORLD, Path(sys.argv[2])
+u = t._displacement("tetrahedron", 2, 2, t.SHEARED, comm)
+t._write(folder, u)
+scene = t._scene()
+output = t.Output(folder / "run", scene, comm)
+summary, files = t._play(output, u)
+assert (len(files) > 0) == (comm.rank == 0)
+assert summary.peak_memory_mb > comm.size * 20
+try:
+    t.Output(folder / "fields.h5" / "below", scene, comm)
+except t.SceneError as error:
+    print(f"rank {comm.rank}: {error}")
+"""
+
+
+def test_two_ranks_write_what_one_writes(tmp_path: Path) -> None:
+    command = ["mpirun", "-n", "2", sys.executable, "-c", PARALLEL, str(Path(__file__).parent), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert sorted(line.split(":")[0] for line in done.stdout.splitlines()) == ["rank 0", "rank 1"]
+    (tmp_path / "one").mkdir()
+    _write(tmp_path / "one", _displacement("tetrahedron", 2, 2, SHEARED))
+    _check_file(tmp_path, SHEARED)
+    for two, one in zip(_read(tmp_path)[:3], _read(tmp_path / "one")[:3], strict=True):
+        np.testing.assert_array_equal(two, one)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["steps"][1]["max_displacement"] > 0
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import h5py
+import test_output as t
+add, count = h5py.Group.__setitem__, 0
+def stop(group, name, values):
+    global count
+    add(group, name, values)
+    count += name.endswith("energy")
+    if count == 4:
+        os._exit(9)
+h5py.Group.__setitem__ = stop
+t._write(Path(sys.argv[2]), t._displacement("hexahedron", 1, 1, t.SHEARED), (0.0, 0.5, 1.0, 2.0))
+"""
+
+
+def test_run_killed_in_the_middle_of_a_step_keeps_the_steps_before(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path)]
+    assert subprocess.run(command, timeout=60, check=False).returncode == 9
+    _check_file(tmp_path, SHEARED)
+
+
+def test_file_that_another_program_reads_can_be_written(tmp_path: Path) -> None:
+    file = FieldFile(tmp_path, WholeMesh(_displacement("hexahedron", 1, 1, SHEARED).function_space.mesh))
+    reader = "import h5py, sys; file = h5py.File(sys.argv[1]); print('open', flush=True); sys.stdin.read()"
+    with subprocess.Popen(
+        [sys.executable, "-c", reader, str(tmp_path / "fields.h5")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"open\n"
+        file.write(0.0, {}, {"J": np.ones(8)})
+        other.communicate()
+    assert _read(tmp_path)[3][0][1].keys() == {"J"}
+
+
+def test_text_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "summary.json"
+    replace_text(path, "old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        replace_text(path, "new")
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["summary.json"]
+
+
+# ---------------------------------------------------------------- the folder of a run
+
+
+def _scene(fields: tuple[str, ...] = ("displacement", "von_mises"), picture: bool = False, **boundary: Any) -> Any:
+    boundary = boundary or {"right": {"move": [0.3, 0.0, 0.4]}}
+    data = {
+        "mesh": {"shape": "cube", "cells": 2},
+        "material": {"name": "neo-hookean", "E": 1.0, "nu": 0.3},
+        "boundary": {"left": {"fix": True}, **boundary},
+        "output": {"fields": list(fields), "picture": picture},
+    }
+    return scenes.parse(data, Path("pulled.toml"))
+
+
+def _step(load: float) -> Step:
+    return Step(load, load**2, {"left": [-load, 0.0, 0.0], "right": [load, 0.0, 2 * load]}, 1.0, 0.9, 3, 7, 0.1)
+
+
+def _play(
+    output: Output, u: fem.Function, loads: tuple[float, ...] = (0.5, 1.0), failure: Failure | None = None
+) -> tuple[Summary, list[Path]]:
+    """A run without a solver."""
+    full = u.x.array.copy()
+    u.x.array[:] = 0.0
+    output.start(u, make("neo-hookean"), None)
+    for load in loads:
+        u.x.array[:] = load * full
+        output.step(_step(load))
+    summary = Summary("pulled", "failed" if failure else "converged", failure, {"name": "neo-hookean"}, "Q1", 8, 81, 1)
+    summary.steps = [_step(load) for load in loads]
+    return summary, output.finish(summary)
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+NUMBERS = ["fields.h5", "fields.xdmf", "history.csv", "summary.json"]
+PICTURES = ["curve.png", "deformed.png"]
+
+
+def test_a_run_leaves_summary_history_and_fields(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b"
+    output = Output(folder, _scene(), MPI.COMM_SELF)
+    assert not (tmp_path / "a").exists(), "nothing may be written before the run starts"
+    summary, files = _play(output, _displacement("hexahedron", 1, 1, SHEARED))
+    assert _names(folder) == NUMBERS == sorted(path.name for path in files)
+
+    document = json.loads((folder / "summary.json").read_text())
+    assert list(document) == [
+        "scene", "status", "failure", "material", "element", "cells", "dofs", "ranks",
+        "steps", "wall_s", "peak_memory_mb", "versions",
+    ]  # fmt: skip
+    assert {"elastune", "dolfinx", "petsc", "python"} <= set(document["versions"])
+    assert all(version[0].isdigit() for version in document["versions"].values())
+    assert 20 < document["peak_memory_mb"] < 1e5
+    largest = max(np.linalg.norm((SHEARED - np.eye(3)) @ x) for x in np.ndindex(2, 2, 2))
+    for k, step in enumerate(document["steps"]):
+        assert step.pop("max_displacement") == pytest.approx((k + 1) / 2 * largest)
+        assert step == vars(summary.steps[k])
+
+    with (folder / "history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["load"]) for row in rows] == [0.5, 1.0]
+    assert [float(row["reaction_right_z"]) for row in rows] == [1.0, 2.0]
+    assert [float(row["energy"]) for row in rows] == [0.25, 1.0]
+    steps = _read(folder)[3]
+    assert [time for time, _ in steps] == [0.0, 0.5, 1.0]
+    assert {frozenset(found) for _, found in steps} == {frozenset({"displacement", "von_mises"})}
+    assert steps[0][1]["von_mises"].max() < 1e-14 < 0.1 < steps[2][1]["von_mises"].min()
+
+
+def test_no_field_nobody_asked_for(tmp_path: Path) -> None:
+    _, files = _play(Output(tmp_path, _scene(fields=()), MPI.COMM_SELF), _displacement("hexahedron", 1, 1, SHEARED))
+    assert [path.name for path in files] == ["summary.json", "history.csv"]
+
+
+def test_failed_run_leaves_the_same_files(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    failure = Failure("line_search", "no descent", 0.25)
+    (tmp_path / "curve.png").write_text("of an earlier run")
+    for loads in ((0.5,), ()):
+        output = Output(tmp_path, _scene(picture=True), MPI.COMM_SELF)
+        _play(output, _displacement("quadrilateral", 2, 2, SHEARED), loads, failure)
+        assert _names(tmp_path) == sorted(NUMBERS + PICTURES)
+        document = json.loads((tmp_path / "summary.json").read_text())
+        assert document["status"] == "failed"
+        assert document["failure"] == {"kind": "line_search", "message": "no descent", "load": 0.25}
+        assert len(_read(tmp_path)[3]) == len(loads) + 1
+    assert caplog.text == ""
+
+
+def test_numbers_that_JSON_has_not(tmp_path: Path) -> None:
+    output = Output(tmp_path, _scene(fields=()), MPI.COMM_SELF)
+    output.start(_displacement("hexahedron", 1, 1, SHEARED), make("neo-hookean"), None)
+    summary = Summary("x", "converged", None, {"parameters": {"mu": (math.inf, 1.0)}}, "Q1", 8, 81, 1)
+    output.finish(summary)
+    text = (tmp_path / "summary.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail)["material"] == {"parameters": {"mu": [None, 1.0]}}
+
+
+@pytest.mark.parametrize("where", ["{}/file/below", "{}/file", "/proc/elastune/deep"])
+def test_folder_that_cannot_be_written_is_one_line(where: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    folder = Path(where.format(tmp_path))
+    with pytest.raises(SceneError) as caught:
+        Output(folder, _scene(), MPI.COMM_SELF)
+    assert str(folder) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert _names(tmp_path) == ["file"]
+
+
+def test_disk_that_fills_up_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    output = Output(tmp_path, _scene(), MPI.COMM_SELF)
+
+    def full(*arguments: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    output.start(_displacement("hexahedron", 1, 1, SHEARED), make("neo-hookean"), None)
+    monkeypatch.setattr(FieldFile, "_write", full)
+    with pytest.raises(UserError, match=r"^[^\n]*No space left on device$"):
+        output.step(_step(0.5))
+
+
+# ---------------------------------------------------------------- pictures
+
+
+def test_picture_and_curve_are_drawn(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    from matplotlib.image import imread
+
+    _play(Output(tmp_path, _scene(picture=True), MPI.COMM_SELF), _displacement("hexahedron", 2, 2, SHEARED))
+    assert caplog.text == ""
+    for name in PICTURES:
+        pixels = imread(tmp_path / name)
+        assert min(pixels.shape[:2]) > 400
+        drawn = (pixels[..., :3] < 0.98).any(axis=-1).mean()
+        assert 0.01 < drawn < 0.9, f"{name} is empty or full"
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+@pytest.mark.parametrize("script", ["raise ImportError('no such module:\\n pyvista')", "", "import os; os.abort()"])
+def test_picture_that_fails_is_a_warning(
+    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "render.py").write_text(script)
+    monkeypatch.setattr(plots, "RENDER", tmp_path / "render.py")
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    folder = tmp_path / "run"
+    _play(Output(folder, _scene(picture=True), MPI.COMM_SELF), _displacement("hexahedron", 1, 1, SHEARED))
+    assert _names(folder) == NUMBERS
+    assert [record.levelno for record in caplog.records] == [logging.WARNING] * 2
+    for record, name in zip(caplog.records, PICTURES, strict=True):
+        assert record.getMessage().startswith(f"{name} was not drawn: ")
+        assert "\n" not in record.getMessage()
+
+
+@pytest.mark.parametrize(
+    ("condition", "label", "last"),
+    [
+        ({"move": [0.3, 0.0, 0.4]}, "displacement of the right face", (0.5, (1.0 * 0.3 + 2.0 * 0.4) / 0.5)),
+        ({"rotate": {"axis": [1, 0, 0], "center": [0, 0, 0], "angle": 90}}, "rotation of the right face", (90.0, 1.0)),
+        ({"pull": [3.0, 0.0, 4.0]}, "traction on the right face", (7.0, 5.0)),
+        ({"pressure": -2.0}, "pressure on the right face", (7.0, -2.0)),
+    ],
+)
+def test_points_of_the_curve(condition: dict[str, Any], label: str, last: tuple[float, float]) -> None:
+    scene = _scene(right=condition)
+    steps, largest = [_step(0.5), _step(1.0)], {0.5: 3.5, 1.0: 7.0}
+    labels, points = plots.curve_points(scene.boundary, scene.body, steps, largest)
+    assert any(text.startswith(label) for text in labels)
+    assert points[0] == (0.0, 0.0)
+    assert len(points) == 3
+    assert points[-1] == pytest.approx(last)
+
+
+def test_curve_of_a_body_force() -> None:
+    labels, points = plots.curve_points({}, scenes.Body(force=[0.0, 0.0, -9.0]), [_step(1.0)], {1.0: 0.2})
+    assert labels == ("largest displacement", "body force")
+    assert points == [(0.0, 0.0), (0.2, 9.0)]

@@ -148,9 +148,10 @@ def test_mixed_energies_known_by_name() -> None:
     s = np.random.default_rng(5).uniform(0.6, 1.6, 3)
     lam, mu = LAME
     mixed = with_volume(make("linear-corotational", lam=9.0, mu=mu), make("neo-hookean-ogden"), lam)
-    assert density(mixed, s) == pytest.approx(density(make("fixed-corotational", lam=lam, mu=mu), s), rel=1e-13)
+    fixed = make("fixed-corotational", lam=lam, mu=mu)
+    assert density(mixed, s) == pytest.approx(density(fixed, s), rel=1e-13)
     # Errata 7: the factor ½ of the unit part.
-    unit = evaluate(make("neo-hookean-ogden").parts(PrincipalStretches(s), {"lam": 1.0, "mu": 1.0}).volume)
+    unit = evaluate(make("neo-hookean-ogden").parts(PrincipalStretches(list(s)), {"lam": 1.0, "mu": 1.0}).volume)
     assert unit == pytest.approx((np.prod(s) - 1) ** 2 / 2, rel=1e-13)
 
 
@@ -191,16 +192,16 @@ def test_steps_follow_one_another(order: tuple[str, str]) -> None:
 def test_refused() -> None:
     linear, arap, stable = (make(name) for name in ("linear-elasticity", "arap", "stable-neo-hookean"))
     for alpha in (0, -1.0, float("nan"), float("inf"), "2"):
-        with pytest.raises(MaterialError, match=r"^alpha: (must be a positive number|expected a number), got"):
+        with pytest.raises(MaterialError, match=r"^alpha: (must be a positive|expected a) number, got"):
             with_nonlinearity(stable, alpha)  # type: ignore[arg-type]
-        with pytest.raises(MaterialError, match="^alpha_mu: "):
+        with pytest.raises(MaterialError, match=r"^alpha_mu: "):
             with_separate_nonlinearity(stable, 1.0, alpha)  # type: ignore[arg-type]
     with pytest.raises(MaterialError, match="linear-elasticity: not a function of stretches"):
         with_nonlinearity(linear, 2.0)
     with pytest.raises(MaterialError, match="linear-elasticity: not a function of stretches"):
         with_volume(stable, linear, 1.0)
     for wrong in (lambda: with_volume(stable, arap, 1.0), lambda: with_separate_nonlinearity(arap, 1, 2)):
-        with pytest.raises(MaterialError, match='arap: has no λ part; add one with volume = "neo-hookean-ogden"'):
+        with pytest.raises(MaterialError, match=r'arap: has no λ part; .*volume = "neo-hookean-ogden"'):
             wrong()
 
 
@@ -253,6 +254,9 @@ def test_uniaxial_curves_end_where_equilibrium_does() -> None:
     end = np.sqrt(1 + 1 / 0.3)
     stress, lateral = uniaxial(kirchhoff, [2.5, 0.9 * end, 1.1])
     assert np.isnan([stress[0], lateral[0]]).all() and np.isfinite([stress[1:], lateral[1:]]).all()
+    # Compressed, this one comes to a point where the sides would jump in: a bar's curve ends there.
+    jumping = with_nonlinearity(calibrate(get("neo-hookean-bower"), 1.0, 0.3), 2.0)
+    assert list(np.isnan(uniaxial(jumping, [0.4, 0.45, 0.6, 2.0])[0])) == [True, True, False, False]
     for wrong in ([1.0, 0.0], [-1.0], [np.nan]):
         with pytest.raises(ValueError, match="expected positive stretches"):
             uniaxial(kirchhoff, wrong)
