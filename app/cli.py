@@ -51,7 +51,9 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("name", nargs="?", help="a material")
     command.add_argument("--E", type=float, default=1.0, help="Young's modulus (default 1)")
     command.add_argument("--nu", type=float, default=0.3, help="Poisson's ratio (default 0.3)")
-    command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve")
+    command.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve"
+    )
     return parser
 
 

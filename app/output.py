@@ -188,11 +188,14 @@ class Output:
         if self._comm.rank == 0:
             try:
                 result = task()
-            # HDF5 reports a full disk in several ways, and ranks that wait for rank 0 would wait for ever.
+            # Ranks that wait for rank 0 would wait for ever.
             except Exception as problem:
                 reason = getattr(problem, "strerror", None) or " ".join(str(problem).split())
                 cause = problem
         reason = self._comm.bcast(reason)
+        # HDF5 tells of a full disk by either; anything else is a mistake of ours.
+        if cause is not None and not isinstance(cause, OSError | RuntimeError):
+            raise cause
         if reason is not None:
             raise kind(f"{self.folder}: cannot be written: {reason}") from cause
         return result

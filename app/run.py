@@ -15,6 +15,7 @@ from app.scene import Scene
 from app.stepping import LoadFailure, State, follow
 from forms.normalize import linearize
 
+
 class Progress:
     """Who is told how a run goes: nobody, unless a subclass listens."""
 

@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from geometry import GeometryError, face_names
-from geometry.shapes import make_plan
 from app.errors import SceneError
 from forms.elements import ELEMENTS
 from forms.materials import MaterialError
 from forms.tuned import tuned_energy
+from geometry import GeometryError, face_names
+from geometry.shapes import make_plan
 
 SHIPPED = Path(__file__).parent / "scenes"
 
@@ -121,7 +121,7 @@ class Condition(_Table):
         value = getattr(self, self.kind)
         if self.kind == "rotate":
             return value.angle != 0
-        return self.kind in ("move", "pull") and any(value) or self.kind == "pressure" and value != 0
+        return (self.kind in ("move", "pull") and any(value)) or (self.kind == "pressure" and value != 0)
 
 
 class Body(_Table):
@@ -267,7 +267,7 @@ def _is_union(problems: list[Any]) -> bool:
 
 def _in_data(part: object) -> bool:
     # Names of union branches, such as "list[constrained-float]", are pydantic's own.
-    return isinstance(part, int) or part.isidentifier() and part not in ("float", "int", "str")  # type: ignore[attr-defined]
+    return isinstance(part, int) or (part.isidentifier() and part not in ("float", "int", "str"))  # type: ignore[attr-defined]
 
 
 def _expected_keys(location: tuple[Any, ...]) -> str:
@@ -279,7 +279,9 @@ def _expected_keys(location: tuple[Any, ...]) -> str:
             continue
         candidates = [field.annotation, *getattr(field.annotation, "__args__", ())]
         model = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), dict)
-    names = [name for name in getattr(model, "model_fields", Condition.model_fields) if name != "name" or model is Material]
+    names = [
+        name for name in getattr(model, "model_fields", Condition.model_fields) if name != "name" or model is Material
+    ]
     near = difflib.get_close_matches(str(location[-1]), names, 1)
     return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(names)}"
 

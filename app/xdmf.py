@@ -90,7 +90,8 @@ class FieldFile:
         self._xdmf, self._h5 = folder / "fields.xdmf", folder / "fields.h5"
         self._mesh = mesh
         self._grids: list[str] = []
-        self._write({"mesh/points": mesh.points, "mesh/cells": mesh.cells}, mode="w")
+        self._h5.unlink(missing_ok=True)
+        self._write({"mesh/points": mesh.points, "mesh/cells": mesh.cells})
 
     @property
     def paths(self) -> list[Path]:
@@ -111,7 +112,7 @@ class FieldFile:
         group = f"steps/{len(self._grids):04d}"
         centers = [("Node", nodes), ("Cell", cells)]
         fields = [(name, center, values) for center, given in centers for name, values in given.items()]
-        self._write({f"{group}/{name}": _rows(values) for name, _, values in fields}, mode="a")
+        self._write({f"{group}/{name}": _rows(values) for name, _, values in fields})
         attributes = [
             f'<Attribute Name="{name}" AttributeType="{ATTRIBUTES[values.shape[1:]]}" Center="{center}">'
             f"{self._item(f'{group}/{name}', _rows(values))}</Attribute>"
@@ -120,11 +121,12 @@ class FieldFile:
         self._grids.append(self._grid(time, attributes))
         replace_text(self._xdmf, self._document())
 
-    def _write(self, datasets: dict[str, Array], mode: str) -> None:
+    def _write(self, datasets: dict[str, Array]) -> None:
         import h5py
 
+        _reserve(self._h5, SPARE + sum(values.nbytes for values in datasets.values()))
         # Without a lock: ParaView that looks at the file must not stop the run.
-        with h5py.File(self._h5, mode, locking=False) as file:
+        with h5py.File(self._h5, "a", locking=False) as file:
             for name, values in datasets.items():
                 file[name] = values
 
@@ -168,6 +170,23 @@ class FieldFile:
 def _rows(values: Array) -> Array:
     """Tensors as nine columns, the only form XDMF has."""
     return values.reshape(len(values), 9) if values.ndim == 3 else values
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Claims space on the disk behind the end of a file; HDF5 gives back what it does not use.
+
+    Raises:
+        OSError: If there is not enough; in the middle of a write, HDF5 would bring the process down.
+    """
+    if not hasattr(os, "posix_fallocate"):
+        return
+    with path.open("r+b") as file:
+        end = file.seek(0, os.SEEK_END)
+        try:
+            os.posix_fallocate(file.fileno(), end, size)
+        except OSError:
+            file.truncate(end)
+            raise
 
 
 def replace_text(path: Path, text: str) -> None:

@@ -1,6 +1,6 @@
 """Uniaxial tension and compression of a point: the curve that a tensile test of the material gives."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from forms.energy import Energy
 from forms.kinematics import PrincipalStretches, as_numpy
 
-# From one stretch to the next by steps of this logarithm, in which the sides may move by this one: farther
-# away is another branch of equilibria, to which a bar would jump.
-_STEP, _REACH = 0.02, 0.25
+# Largest and smallest step in the logarithm of the axial stretch, and how far the sides may move in one: farther
+# away, even after the smallest step, is another branch of equilibria, to which a bar would jump.
+_STEP, _SMALLEST, _REACH = 0.02, 1e-7, 0.05
 
 
 def uniaxial(energy: Energy, stretches: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -40,8 +40,7 @@ def uniaxial(energy: Energy, stretches: ArrayLike) -> tuple[NDArray[np.float64],
     for side in (np.flatnonzero(wanted >= 1), np.flatnonzero(wanted < 1)):
         previous, width = 1.0, 1.0
         for i in side[np.argsort(np.abs(np.log(wanted[side])))]:
-            for stretch in _path(previous, wanted[i]):
-                width = _lateral_equilibrium(stresses, stretch, width)
+            width = _follow(stresses, previous, wanted[i], width)
             previous, lateral[i] = wanted[i], width
     stress = stresses(wanted, lateral)[0]
     return np.where(np.isnan(lateral), np.nan, stress), lateral
@@ -56,10 +55,19 @@ def _principal_stresses(energy: Energy) -> Callable[..., tuple[Any, ...]]:
     return lambda stretch, width: function(stretch, width, width)
 
 
-def _path(start: float, end: float) -> Sequence[float]:
-    """Stretches from one to the other in small steps, without the first."""
-    steps = int(np.ceil(abs(np.log(end / start)) / _STEP))
-    return list(np.geomspace(start, end, steps + 1)[1:]) or [end]
+def _follow(stresses: Callable[..., tuple[Any, ...]], start: float, end: float, width: float) -> float:
+    """The lateral stretch at `end` on the branch that has `width` at `start`; not a number if it ends before."""
+    here, goal, step = float(np.log(start)), float(np.log(end)), _STEP
+    while here != goal and np.isfinite(width):
+        ahead = goal if abs(goal - here) <= step else here + np.copysign(step, goal - here)
+        found = _lateral_equilibrium(stresses, end if ahead == goal else np.exp(ahead), width)
+        if np.isfinite(found):
+            here, width, step = ahead, found, min(2 * step, _STEP)
+        elif step > _SMALLEST:
+            step /= 4
+        else:
+            width = np.nan
+    return width
 
 
 def _lateral_equilibrium(stresses: Callable[..., tuple[Any, ...]], stretch: float, start: float) -> float:
@@ -70,15 +78,15 @@ def _lateral_equilibrium(stresses: Callable[..., tuple[Any, ...]], stretch: floa
         width = np.exp(logarithm)
         return float(stresses(stretch, width)[1])
 
-    origin = here = float(np.log(start))
-    stress = pull(here)
+    origin = float(np.log(start))
+    stress = pull(origin)
     if stress == 0 or not np.isfinite(stress):
         return start if stress == 0 else np.nan
     # The energy falls against the stress; the first change of its sign is the nearest minimum.
-    step = -np.sign(stress) * 1e-3
-    while abs(here - origin) < _REACH:
-        there = here + step
-        if pull(there) * stress <= 0:
-            return float(np.exp(brentq(pull, here, there, xtol=1e-15, rtol=1e-15)))
-        here, step = there, 1.5 * step
+    near, far = 0.0, 1e-3
+    while near < _REACH:
+        ends = [origin - np.sign(stress) * distance for distance in (near, far)]
+        if pull(ends[1]) * stress <= 0:
+            return float(np.exp(brentq(pull, *ends, xtol=1e-15, rtol=1e-15)))
+        near, far = far, min(1.5 * far, _REACH)
     return np.nan

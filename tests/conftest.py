@@ -25,9 +25,7 @@ def elastune(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture
-def solved(
-    elastune: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-) -> Callable[..., dict[str, Any]]:
+def solved(elastune: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> Callable[..., dict[str, Any]]:
     """Runs a scene without its picture and reads its summary."""
 
     def call(scene: object, *overrides: str, ranks: int = 1) -> dict[str, Any]:

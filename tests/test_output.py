@@ -5,6 +5,7 @@ import json
 import logging
 import math
 import os
+import resource
 import subprocess
 import sys
 import typing
@@ -436,16 +437,22 @@ def test_folder_that_cannot_be_written_is_one_line(where: str, tmp_path: Path) -
     assert _names(tmp_path) == ["file"]
 
 
-def test_disk_that_fills_up_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk_that_fills_up_is_one_line(tmp_path: Path) -> None:
     output = Output(tmp_path, _scene(), MPI.COMM_SELF)
-
-    def full(*arguments: Any) -> None:
-        raise OSError(28, "No space left on device")
-
-    output.start(_displacement("hexahedron", 1, 1, SHEARED), make("neo-hookean"), None)
-    monkeypatch.setattr(FieldFile, "_write", full)
-    with pytest.raises(UserError, match=r"^[^\n]*No space left on device$"):
-        output.step(_step(0.5))
+    u = _displacement("hexahedron", 2, 2, SHEARED)
+    output.start(u, make("neo-hookean"), None)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    size = (tmp_path / "fields.h5").stat().st_size
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 1000, limits[1]))
+    try:
+        with pytest.raises(UserError) as caught:
+            output.step(_step(0.5))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert str(caught.value).startswith(f"{tmp_path}: cannot be written: ")
+    assert "\n" not in str(caught.value)
+    print(str(caught.value))
+    assert [time for time, _ in _read(tmp_path)[3]] == [0.0]
 
 
 # ---------------------------------------------------------------- pictures

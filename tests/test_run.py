@@ -138,5 +138,7 @@ def test_bad_scene_on_two_ranks_is_told_once(elastune: Run, tmp_path: Path) -> N
 
 def test_help_imports_nothing_heavy() -> None:
     script = "import sys, app.cli\ntry: app.cli.main(['--help'])\nexcept SystemExit: pass\n"
-    script += "assert not {'dolfinx', 'ufl', 'numpy', 'pydantic', 'rich', 'mpi4py'} & set(sys.modules), sys.modules.keys()"
+    script += (
+        "assert not {'dolfinx', 'ufl', 'numpy', 'pydantic', 'rich', 'mpi4py'} & set(sys.modules), sys.modules.keys()"
+    )
     subprocess.run(["python3", "-c", script], check=True, capture_output=True, env={**os.environ})

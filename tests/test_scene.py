@@ -74,7 +74,11 @@ BROKEN = {
     "nothing holds": ("fix = true", "pull = [1.0, 0.0, 0.0]\n[boundary.bottom]\nroller=['w']", ["roller"]),
     "free body": ("fix = true\n[boundary.right]\nmove", "pull", ["nothing holds the body"]),
     "fix false": ("fix = true", "fix = false", ["boundary.left.fix"]),
-    "axis of zero": ("move = [0.1, 0.0, 0.0]", "rotate = { axis = [0, 0, 0], center = [0, 0, 0], angle = 9 }", ["axis"]),
+    "axis of zero": (
+        "move = [0.1, 0.0, 0.0]",
+        "rotate = { axis = [0, 0, 0], center = [0, 0, 0], angle = 9 }",
+        ["axis"],
+    ),
     "rotation without center": ("move = [0.1, 0.0, 0.0]", "rotate = { axis = [1, 0, 0], angle = 9 }", ["center"]),
     "missing mesh file": ('shape = "cube"', 'shape = "file"\npath = "none.msh"', ["none.msh", "no such file"]),
     "no mesh file": ('shape = "cube"', 'shape = "file"', ["mesh.path"]),
@@ -117,7 +121,11 @@ def test_folder_that_cannot_be_written(
 
 @pytest.mark.parametrize(
     ("override", "words"),
-    [("material.alpha", "key.key=value"), ("material.name.x=1", "not a table"), ("materail.E=2", "did you mean material")],
+    [
+        ("material.alpha", "key.key=value"),
+        ("material.name.x=1", "not a table"),
+        ("materail.E=2", "did you mean material"),
+    ],
 )
 def test_bad_override(override: str, words: str) -> None:
     with pytest.raises(SceneError, match=words):
@@ -140,4 +148,9 @@ def test_shipped_scene_is_sound(name: str) -> None:
 
 def test_override_of_every_type() -> None:
     scene = load("cube-pull", ["material.alpha=0.5", "material.name=hencky", "mesh.grade={left = 0.5}", "title=A b"])
-    assert (scene.material.alpha, scene.material.name, scene.mesh.grade, scene.title) == (0.5, "hencky", {"left": 0.5}, "A b")
+    assert (scene.material.alpha, scene.material.name, scene.mesh.grade, scene.title) == (
+        0.5,
+        "hencky",
+        {"left": 0.5},
+        "A b",
+    )
