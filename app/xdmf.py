@@ -24,6 +24,8 @@ CELL_TYPES = {
     ("quadrilateral", 9): ("Quadrilateral_9", 28),
     ("hexahedron", 27): ("Hexahedron_27", 29),
 }
+# Bytes for HDF5's own notes on a step's arrays.
+SPARE = 2**17
 ATTRIBUTES = {(): "Scalar", (3,): "Vector", (3, 3): "Tensor"}
 
 
@@ -90,8 +92,7 @@ class FieldFile:
         self._xdmf, self._h5 = folder / "fields.xdmf", folder / "fields.h5"
         self._mesh = mesh
         self._grids: list[str] = []
-        self._h5.unlink(missing_ok=True)
-        self._write({"mesh/points": mesh.points, "mesh/cells": mesh.cells})
+        self._write({"mesh/points": mesh.points, "mesh/cells": mesh.cells}, mode="w")
 
     @property
     def paths(self) -> list[Path]:
@@ -112,7 +113,7 @@ class FieldFile:
         group = f"steps/{len(self._grids):04d}"
         centers = [("Node", nodes), ("Cell", cells)]
         fields = [(name, center, values) for center, given in centers for name, values in given.items()]
-        self._write({f"{group}/{name}": _rows(values) for name, _, values in fields})
+        self._write({f"{group}/{name}": _rows(values) for name, _, values in fields}, mode="a")
         attributes = [
             f'<Attribute Name="{name}" AttributeType="{ATTRIBUTES[values.shape[1:]]}" Center="{center}">'
             f"{self._item(f'{group}/{name}', _rows(values))}</Attribute>"
@@ -121,12 +122,12 @@ class FieldFile:
         self._grids.append(self._grid(time, attributes))
         replace_text(self._xdmf, self._document())
 
-    def _write(self, datasets: dict[str, Array]) -> None:
+    def _write(self, datasets: dict[str, Array], mode: str) -> None:
         import h5py
 
         _reserve(self._h5, SPARE + sum(values.nbytes for values in datasets.values()))
         # Without a lock: ParaView that looks at the file must not stop the run.
-        with h5py.File(self._h5, "a", locking=False) as file:
+        with h5py.File(self._h5, mode, locking=False) as file:
             for name, values in datasets.items():
                 file[name] = values
 
@@ -180,7 +181,7 @@ def _reserve(path: Path, size: int) -> None:
     """
     if not hasattr(os, "posix_fallocate"):
         return
-    with path.open("r+b") as file:
+    with path.open("ab") as file:
         end = file.seek(0, os.SEEK_END)
         try:
             os.posix_fallocate(file.fileno(), end, size)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from forms.energy import Energy
 from forms.kinematics import PrincipalStretches, as_numpy
 
-# Largest and smallest step in the logarithm of the axial stretch, and how far the sides may move in one: farther
-# away, even after the smallest step, is another branch of equilibria, to which a bar would jump.
+# Largest and smallest step in the logarithm of the axial stretch, and how far the sides may move in one:
+# farther away, even after the smallest step, is another branch of equilibria, to which a bar would jump.
 _STEP, _SMALLEST, _REACH = 0.02, 1e-7, 0.05
 
 
@@ -56,7 +56,7 @@ def _principal_stresses(energy: Energy) -> Callable[..., tuple[Any, ...]]:
 
 
 def _follow(stresses: Callable[..., tuple[Any, ...]], start: float, end: float, width: float) -> float:
-    """The lateral stretch at `end` on the branch that has `width` at `start`; not a number if it ends before."""
+    """The lateral stretch at `end` on the branch with `width` at `start`; not a number if it ends before."""
     here, goal, step = float(np.log(start)), float(np.log(end)), _STEP
     while here != goal and np.isfinite(width):
         ahead = goal if abs(goal - here) <= step else here + np.copysign(step, goal - here)

@@ -44,7 +44,8 @@ def test_signals_reach_the_command(number: signal.Signals, tmp_path: Path) -> No
 
 def test_ranks_start_without_a_warning() -> None:
     done = _run("mpirun", "-n", "3", "python3", "-c", "from mpi4py import MPI; print(MPI.COMM_WORLD.size)")
-    assert (done.stdout.split(), done.stderr) == (["3"] * 3, "")
+    # Ranks write when they like: their line ends may come late.
+    assert (done.stdout.replace("\n", ""), done.stderr) == ("333", "")
 
 
 def test_one_thread_a_rank() -> None:

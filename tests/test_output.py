@@ -451,7 +451,6 @@ def test_disk_that_fills_up_is_one_line(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert str(caught.value).startswith(f"{tmp_path}: cannot be written: ")
     assert "\n" not in str(caught.value)
-    print(str(caught.value))
     assert [time for time, _ in _read(tmp_path)[3]] == [0.0]
 
 
