@@ -1,7 +1,7 @@
 """The fields a scene may ask for: displacement at the nodes, everything else one value a cell."""
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import basix
@@ -15,7 +15,7 @@ from forms.energy import Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
 from forms.spectral import pointwise
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 # Points evaluated at once: bounds the memory of the kernel's second derivatives, 81 numbers a point.
 BLOCK = 2**15
@@ -179,7 +179,7 @@ class Fields:
             values = self._evaluate(self._gradient, cells).reshape(len(cells), points, d * d + 1)
             H = np.zeros((len(cells) * points, 3, 3))
             H[:, :d, :d] = values[..., :-1].reshape(-1, d, d)
-            yield Samples(H, lambda H, cells=cells: self._respond(H, cells)), values[..., -1] * self._weights
+            yield Samples(H, partial(self._respond, cells=cells)), values[..., -1] * self._weights
 
     def _respond(self, H: Array, cells: NDArray[np.int32]) -> tuple[Array, Array]:
         if self._energy.objective:
@@ -194,7 +194,7 @@ class Fields:
     @cached_property
     def _rule(self) -> tuple[Array, Array]:
         points, weights = basix.make_quadrature(self._mesh.basix_cell(), self._quadrature)
-        return points, weights
+        return np.asarray(points), np.asarray(weights)
 
     @property
     def _weights(self) -> Array:

@@ -208,7 +208,7 @@ def versions() -> dict[str, str]:
     return {
         "elastune": _own_version(),
         "dolfinx": dolfinx.__version__,
-        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),  # type: ignore[attr-defined]
         "python": platform.python_version(),
     }
 

@@ -26,8 +26,8 @@ def render(source: str, image: str) -> None:
         image: The PNG to write.
     """
     data = np.load(source)
-    rest = pyvista.UnstructuredGrid({int(data["vtk_type"]): data["cells"]}, data["points"])
-    body = rest.copy()
+    rest: Any = pyvista.UnstructuredGrid({int(data["vtk_type"]): data["cells"]}, data["points"])
+    body: Any = rest.copy()
     body.points = data["points"] + data["displacement"]
     label = str(data["label"])
     if len(data["values"]) == body.n_points:
@@ -44,7 +44,7 @@ def render(source: str, image: str) -> None:
         35, boundary_edges=bool(flat), feature_edges=not flat, manifold_edges=False
     )
 
-    plotter = pyvista.Plotter(off_screen=True, lighting="none")
+    plotter: Any = pyvista.Plotter(off_screen=True, lighting="none")
     plotter.set_background("white")
     for position, intensity in (((-0.6, 0.8, 1.0), 0.6), ((1.0, 0.1, 0.6), 0.35)):
         plotter.add_light(pyvista.Light(position=position, light_type="camera light", intensity=intensity))

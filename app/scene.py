@@ -71,7 +71,7 @@ class Material(_Table):
     volume: str | None = None
     parameters: dict[str, Any] = {}
     calibrate: str | list[str] | None = None
-    extension: PositiveFloat | None = None
+    extension: Annotated[float, Field(gt=0, le=0.9)] | None = None
 
 
 class Rotation(_Table):
@@ -300,7 +300,11 @@ def _check(scene: Scene) -> None:
             f'solve.element = "{scene.element}": lives on {" or ".join(element.cells)}, got mesh.cell = "{scene.cell}"'
         )
     _check_conditions(scene)
-    material_energy(scene)
+    energy = material_energy(scene)
+    if scene.material.extension is not None and not energy.objective:
+        raise SceneError(f"material.extension: {energy.name} has no singularity to continue")
+    if scene.material.extension is not None and scene.solve.assembly == "ufl":
+        raise SceneError('material.extension: expected solve.assembly = "auto" or "spectral" with it, got "ufl"')
     if mesh.shape != "file":
         try:
             arguments = mesh_arguments(scene)

@@ -87,6 +87,16 @@ class Energy:
         return self.parts(measures, self.values if values is None else values).total
 
     @property
+    def incompressible(self) -> bool:
+        """Whether the λ part weighs infinitely much: ν = 0.5, for mixed elements only."""
+        return self.parts(PrincipalStretches((1.0, 1.0, 1.0)), self.values).bulk == float("inf")
+
+    @property
+    def shear(self) -> "Energy":
+        """The μ part as an energy of its own."""
+        return replace(self, parts=lambda s, v: Parts(self.parts(s, v).shear))
+
+    @property
     def has_lambda(self) -> bool:
         """Whether the energy states a λ part; without one, λ_Lamé is zero."""
         return self.parts(PrincipalStretches((1.0, 1.0, 1.0)), self.values).volume is not None

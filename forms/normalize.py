@@ -4,7 +4,7 @@ Chen & Barbič, Sections 3-4. All derivatives are UFL's own, in the stretches an
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,8 @@ from forms.energy import Energy, Material, MaterialError, as_number
 from forms.kinematics import PrincipalStretches, as_numpy, evaluate
 
 __all__ = ["Linearization", "calibrate", "check_rest", "evaluate", "lame_pair", "linearize"]
+
+_INF = float("inf")
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,25 @@ class Linearization:
     @property
     def youngs_modulus(self) -> float:
         """E by Eq. 14."""
+        if self.lame_lambda == _INF:
+            return 3 * self.lame_mu
         return self.lame_mu * (3 * self.lame_lambda + 2 * self.lame_mu) / (self.lame_lambda + self.lame_mu)
 
     @property
     def poissons_ratio(self) -> float:
         """ν by Eq. 14."""
+        if self.lame_lambda == _INF:
+            return 0.5
         return self.lame_lambda / (2 * (self.lame_lambda + self.lame_mu))
 
 
-def lame_pair(E: float, nu: float) -> tuple[float, float]:
+def lame_pair(E: float, nu: float, mixed: bool = False) -> tuple[float, float]:
     """(λ_Lamé, μ_Lamé) of Young's modulus and Poisson's ratio (Chen & Barbič, Eq. 15).
+
+    Args:
+        E: Young's modulus, in the unit of stress.
+        nu: Poisson's ratio.
+        mixed: Whether ν = 0.5 is allowed too, where λ is infinite.
 
     Raises:
         MaterialError: Unless E > 0 and -1 < ν < 0.5.
@@ -54,9 +65,13 @@ def lame_pair(E: float, nu: float) -> tuple[float, float]:
     E, nu = as_number(E, "E"), as_number(nu, "nu")
     if not 0 < E < float("inf"):
         raise MaterialError(f"E: must be a positive number, got {E!r}")
+    if mixed and nu == 0.5:
+        return _INF, E / 3
+    if nu >= 0.5 and not mixed:
+        way_out = 'use element = "P2-P1", or "Q2-P1d" on hexahedra'
+        raise MaterialError(f"nu: must be below 0.5 for a displacement formulation, got {nu!r}; {way_out}")
     if not -1 < nu < 0.5:
-        limit = "below 0.5 for a displacement formulation" if nu >= 0.5 else "above -1"
-        raise MaterialError(f"nu: must be {limit}, got {nu!r}")
+        raise MaterialError(f"nu: must be {'at most 0.5' if nu > 0 else 'above -1'}, got {nu!r}")
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
@@ -109,6 +124,8 @@ class _RestState:
 
 def linearize(energy: Energy) -> Linearization:
     """The energy's value, stress and Lamé pair at rest."""
+    if energy.incompressible:
+        return replace(linearize(energy.shear), lame_lambda=_INF)
     return _RestState(energy).at(energy.constants())
 
 
@@ -128,6 +145,7 @@ def calibrate(
     given: dict[str, Any] | None = None,
     solve_for: str | Sequence[str] | None = None,
     augmented: bool = False,
+    mixed: bool = False,
 ) -> Energy:
     """The energy of a material whose Lamé pair is that of E and ν (Chen & Barbič, Section 4).
 
@@ -143,12 +161,17 @@ def calibrate(
         solve_for: Two parameters to solve for; or "least" for the least relative change of all; or None for
             the material's usual pair, none of which may then be given.
         augmented: Whether a λ part is to be added: a material with λ = 0 then serves at any ν.
+        mixed: Whether ν = 0.5 is allowed; the parameter that is the weight of the λ part is then infinite.
 
     Raises:
         MaterialError: If E, ν, a parameter or an option is impossible, the material is stressed at rest, has
             no λ, or leaves its own domain on the way.
     """
-    target = np.array(lame_pair(E, nu))
+    target = np.array(lame_pair(E, nu, mixed))
+    incompressible = target[0] == _INF
+    if incompressible:
+        # Any λ would do: in no material does μ_Lamé depend on its weight.
+        target[0] = E
     values, options = material.check(given or {})
     moduli = [parameter for parameter in material.parameters if parameter.bounds.modulus]
     defaults = material.energy(**options)
@@ -178,7 +201,14 @@ def calibrate(
     for parameter in material.parameters:
         parameter.check(energy.values[parameter.name], where)
     rest.check(energy.constants())
-    return energy
+    return _incompressible(energy) if incompressible and energy.has_lambda else energy
+
+
+def _incompressible(energy: Energy) -> Energy:
+    """The same energy with an infinite weight of its λ part, which in every material is a parameter."""
+    symbols = {name: ufl.variable(ufl.as_ufl(1.0)) for name, value in energy.values.items() if np.isscalar(value)}
+    bulk = energy.parts(PrincipalStretches((1.0, 1.0, 1.0)), {**energy.values, **symbols}).bulk
+    return energy.with_values({name: _INF for name, symbol in symbols.items() if symbol is bulk})
 
 
 def _scale(value: Any, factor: float) -> Any:

@@ -20,6 +20,7 @@ def tuned_energy(
     volume: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     calibrate: str | Sequence[str] | None = None,
+    mixed: bool = False,
 ) -> Energy:
     """The energy of a material with the Lamé pair of E and ν and the given nonlinearity.
 
@@ -33,6 +34,7 @@ def tuned_energy(
         volume: Material whose λ part is taken (Eq. 19, Section 6).
         parameters: Parameters and options that differ from the defaults.
         calibrate: See `forms.normalize.calibrate`.
+        mixed: Whether the λ part is carried by a pressure, which allows ν = 0.5.
 
     Raises:
         MaterialError: If the material cannot be what is asked for.
@@ -46,8 +48,8 @@ def tuned_energy(
         energy = material.energy(**given)
         lame_lambda = check_rest(energy).lame_lambda
     else:
-        energy = calibrate_material(material, E, nu, given, calibrate, augmented=volume is not None)
-        lame_lambda = lame_pair(E, nu)[0]
+        energy = calibrate_material(material, E, nu, given, calibrate, augmented=volume is not None, mixed=mixed)
+        lame_lambda = lame_pair(E, nu, mixed)[0]
     if volume is not None:
         energy = with_volume(energy, get(volume).energy(), lame_lambda)
     if alpha_lambda is None and alpha_mu is None:

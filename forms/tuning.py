@@ -127,9 +127,9 @@ def _shear_part(energy: Energy) -> tuple[ShearPart, dict[str, float], float]:
     at_rest = linearize(energy)
     if not energy.has_lambda:
         return lambda s, v: energy.parts(s, v).shear, {}, at_rest.lame_lambda
-    held = at_rest.lame_lambda - energy.parts(PrincipalStretches((1.0, 1.0, 1.0)), energy.values).bulk
-    # Less than this is rounding of a large λ.
-    if abs(held) <= 1e-13 * (abs(at_rest.lame_lambda) + at_rest.lame_mu):
+    held = linearize(energy.shear).lame_lambda
+    # Less than this is rounding.
+    if abs(held) <= 1e-13 * at_rest.lame_mu:
         return lambda s, v: energy.parts(s, v).shear, {}, 0.0
     key = _fresh(energy, "lambda_in_shear")
 

@@ -63,6 +63,12 @@ BROKEN = {
     "unknown volume": ("nu = 0.3", 'nu = 0.3\nvolume = "log"', ["unknown material 'log'"]),
     "negative alpha": ("nu = 0.3", "nu = 0.3\nalpha = -1.0", ["alpha", "positive"]),
     "alpha twice": ("nu = 0.3", "nu = 0.3\nalpha = 1.5\nalpha_mu = 2.0", ["alpha", "either"]),
+    "extension of one": ("nu = 0.3", "nu = 0.3\nextension = 1.0", ["material.extension", "0.9"]),
+    "extension with UFL": (
+        "steps = 1\n[material]",
+        'steps = 1\nassembly = "ufl"\n[material]\nextension = 0.25',
+        ["material.extension", "spectral"],
+    ),
     "stressed at rest": ('"neo-hookean"', '"ogden"\nparameters = { variant = "printed" }', ["stressed at rest"]),
     "unknown face": ("boundary.right", "boundary.rihgt", ["boundary.rihgt", "right"]),
     "two conditions on one face": ("fix = true", "fix = true\npressure = 1.0", ["boundary.left", "fix and pressure"]),
