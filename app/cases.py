@@ -58,7 +58,7 @@ def cases(study: Study) -> list[Case]:
                 raise StudyError(f"{study.name}.toml: vary.{name} = {values!r}: expected a list of values")
         # Refinement last, so that it changes fastest and a curve is solved from coarse to fine.
         names = sorted(vary, key=lambda name: name in REFINEMENT)
-        telling = [name for name in names if name not in REFINEMENT and len(vary[name]) > 1]
+        telling = [name for name in names if name not in (*REFINEMENT, study.panels) and len(vary[name]) > 1]
         for values in itertools.product(*(vary[name] for name in names)):
             chosen = dict(zip(names, values, strict=True))
             settings = fixed | flatten(chosen)
@@ -128,7 +128,7 @@ def _word(name: str, value: Any) -> str:
     if isinstance(value, dict):
         return str(value.get("name", value))
     if name == "mesh.grade":
-        return "graded" if value else "even"
+        return str(value)
     symbols = {"nu": "ν", "alpha": "α"}
     last = name.rpartition(".")[2]
     return str(value) if isinstance(value, str) else f"{symbols.get(last, last)} = {value}"

@@ -54,6 +54,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve"
     )
+
+    command = commands.add_parser(
+        "converge",
+        help="run a study of errors against run time",
+        description="Runs the cases of a study that its folder lacks, each in its own process; writes tables and figures.",
+    )
+    command.add_argument("study", nargs="?", help="a study file, or the name of a shipped study; none lists them")
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/converge/STUDY)")
     return parser
 
 
@@ -132,4 +140,20 @@ def _materials(options: Any, petsc: list[str]) -> int:
     return OK
 
 
-_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials}
+def _converge(options: Any, petsc: list[str]) -> int:
+    from app.study import load_study, shipped
+
+    if options.study is None:
+        for name in shipped():
+            print(f"{name:20} {load_study(name).title}")
+        return OK
+    study = load_study(options.study)
+
+    from app.converge import converge
+
+    files = converge(study, options.out or Path("results/converge") / study.name, lambda line: print(line, flush=True))
+    print("results: " + ", ".join(str(file) for file in files))
+    return OK
+
+
+_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials, "converge": _converge}

@@ -8,6 +8,7 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.mesh import entities_to_geometry
 from numpy.typing import NDArray
 
 from forms.elements import ELEMENTS
@@ -125,11 +126,12 @@ class Fields:
 
     def displacement(self) -> Array:
         """Displacement of the mesh's nodes that this rank owns, shape (n, 3); zero along z in 2D."""
-        geometry, u = self._mesh.geometry, self._at_nodes
-        if u is not self._u:
-            u.interpolate(self._u)
+        geometry, nodal = self._mesh.geometry, self._nodal
+        if nodal is not self._u:
+            nodal.interpolate(self._u)
         values = np.zeros((len(geometry.x), 3))
-        values[geometry.dofmap, : geometry.dim] = u.x.array.reshape(-1, geometry.dim)[u.function_space.dofmap.list]
+        at_dofs = nodal.x.array.reshape(-1, geometry.dim)
+        values[self._nodes, : geometry.dim] = at_dofs[nodal.function_space.dofmap.list]
         return values[: geometry.index_map().size_local]
 
     def largest_displacement(self) -> float:
@@ -138,10 +140,17 @@ class Fields:
         return float(np.sqrt(np.max(np.sum(values**2, axis=1), initial=0.0)))
 
     @cached_property
-    def _at_nodes(self) -> fem.Function:
+    def _nodal(self) -> fem.Function:
+        """The displacement in the space of the mesh's coordinates, whose degrees of freedom are its nodes."""
         space = fem.functionspace(self._mesh, self._mesh.ufl_domain().ufl_coordinate_element())
         same = space.element.basix_element == self._u.function_space.element.basix_element
         return self._u if same else fem.Function(space)
+
+    @cached_property
+    def _nodes(self) -> Array:
+        """Nodes of each cell, ghosts included, in the order of that space."""
+        dimension, cells = self._mesh.topology.dim, len(self._nodal.function_space.dofmap.list)
+        return entities_to_geometry(self._mesh, dimension, np.arange(cells, dtype=np.int32))
 
     # ------------------------------------------------------------------ cells
 

@@ -7,7 +7,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from app.problem import Problem
-from forms.elements import ELEMENTS
 from forms.kinematics import deformation_gradient
 
 
@@ -18,12 +17,11 @@ class Measures:
         """Compiles the volume and the volume ratio at the quadrature points."""
         self.problem = problem
         mesh = problem.geometry.mesh
-        degree = problem.scene.solve.quadrature or ELEMENTS[problem.element].quadrature
-        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
+        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": problem.quadrature})
         J = ufl.det(deformation_gradient(problem.u))
         self._volume = fem.form(J * dx)
         self._reference = self._total(fem.form(fem.Constant(mesh, 1.0) * dx))
-        points, _ = basix.make_quadrature(mesh.basix_cell(), degree)
+        points, _ = basix.make_quadrature(mesh.basix_cell(), problem.quadrature)
         self._J = fem.Expression(J, points)
         self._cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
 
@@ -42,9 +40,9 @@ class Measures:
     def reactions(self) -> dict[str, list[float]]:
         """Force of each held face on the body, by component; a shared edge counts for each of its faces."""
         problem, d = self.problem, self.problem.dimension
-        forces = problem.residual_at(problem.u.x.array.copy())
-        nodes = problem.owned // d
-        forces = np.where(problem.held, forces, 0.0).reshape(-1, d)
+        forces = problem.displacements(problem.residual_at(problem.state))
+        nodes = problem.owned_displacements // d
+        forces = np.where(problem.displacements(problem.held), forces, 0.0).reshape(-1, d)
         reactions = {}
         for face, blocks in problem.faces.items():
             own = forces[blocks[blocks < nodes]].sum(axis=0)

@@ -38,7 +38,8 @@ class Blend:
             for face, condition in problem.scene.boundary.items()
             if condition.holds and condition.roller is None
         }
-        nodes = np.asarray(to_vector) // problem.dimension
+        # One array, or from dolfinx 0.10 on one for each cell type.
+        nodes = np.ravel(to_vector) // problem.dimension
         shares = {}
         for turning in self.turning:
             # The turning face last, so that it has its way at shared edges.
@@ -54,7 +55,7 @@ class Blend:
         problem, d = self.problem, self.problem.dimension
         rest = problem.V.tabulate_dof_coordinates()
         displacement = np.zeros_like(rest)
-        displacement[:, :d] = values.reshape(-1, d)
+        displacement[:, :d] = problem.displacements(values).reshape(-1, d)
         moved = displacement.copy()
         for face in self.turning:
             condition = problem.scene.boundary[face].rotate

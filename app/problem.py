@@ -1,9 +1,8 @@
-"""A scene on its mesh: function space, prescribed displacements, and Π with its derivatives as vectors."""
+"""A scene on its mesh: function spaces, prescribed displacements, and Π with its derivatives as vectors."""
 
 from functools import cached_property
 from typing import Any
 
-import basix.ufl
 import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
@@ -13,7 +12,10 @@ import geometry
 from app.errors import SceneError
 from app.scene import Condition, Rotation, Scene, material_energy, mesh_arguments
 from forms.elements import ELEMENTS
+from forms.mixed import MixedPotential
 from forms.potential import Loads, Potential
+from forms.spaces import displacement_space, pressure_space
+from forms.volumetric import Split, split
 
 Array = NDArray[np.float64]
 
@@ -21,16 +23,20 @@ Array = NDArray[np.float64]
 class Problem:
     """What the solver sees of a scene.
 
-    Vectors are local numpy arrays over owned and ghost degrees of freedom.
+    Vectors are local numpy arrays: owned displacements, owned pressures, ghost displacements, ghost pressures.
+    Only mixed elements have pressures.
 
     Attributes:
         scene: The scene.
         geometry: Mesh and named faces.
         energy: The calibrated and tuned energy.
         element: Element name.
+        quadrature: Degree of the volume quadrature.
         V: Displacement space.
-        u: The state.
-        held: Mask of the prescribed degrees of freedom, owned and ghost.
+        u: The displacement of the state.
+        p: The pressure of the state, or None.
+        split: The energy as a mixed element sees it, or None.
+        held: Mask of the prescribed degrees of freedom, a vector.
         conditions: dolfinx's view of them, for assembly.
         potential: Π and its forms.
     """
@@ -50,22 +56,25 @@ class Problem:
         mesh = self.geometry.mesh
         self.dimension = mesh.geometry.dim
         self.element = _element(scene, mesh.topology.cell_name())
-        degree = ELEMENTS[self.element].degree
-        self.V = fem.functionspace(
-            mesh, basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(self.dimension,))
-        )
+        element = ELEMENTS[self.element]
+        self.quadrature = scene.solve.quadrature or element.quadrature
+        self.V = displacement_space(mesh, element)
         self.u = fem.Function(self.V, name="displacement")
+        self.p: fem.Function | None = None
+        self.split: Split | None = None
+        if element.pressure is not None:
+            self.p = fem.Function(pressure_space(mesh, element.pressure), name="pressure")
+            self.split = split(self.energy)
         self._motion = fem.Function(self.V)
         self._prescribe()
-        self.potential = Potential(
-            self.energy,
-            self.u,
-            scene.solve.quadrature or ELEMENTS[self.element].quadrature,
-            self._loads(),
-            self.geometry.facet_tags,
-            scene.solve.assembly,
-            scene.material.extension,
-        )
+        self.potential = self._potential()
+
+    def _potential(self) -> Potential:
+        solve, tags, loads = self.scene.solve, self.geometry.facet_tags, self._loads()
+        if self.split is not None and self.p is not None:
+            return MixedPotential(self.split, self.u, self.p, self.quadrature, loads, tags, solve.assembly)
+        extension = self.scene.material.extension
+        return Potential(self.energy, self.u, self.quadrature, loads, tags, solve.assembly, extension)
 
     # ------------------------------------------------------------------ sizes
 
@@ -77,12 +86,49 @@ class Problem:
     @cached_property
     def size(self) -> int:
         """Global number of degrees of freedom."""
-        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs
+        pressures = 0 if self.p is None else self.p.function_space.dofmap.index_map.size_global
+        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs + pressures
+
+    @cached_property
+    def owned_displacements(self) -> int:
+        """Number of displacement degrees of freedom of this rank."""
+        return self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
+
+    @cached_property
+    def owned_pressures(self) -> int:
+        """Number of pressure degrees of freedom of this rank."""
+        return 0 if self.p is None else self.p.function_space.dofmap.index_map.size_local
 
     @cached_property
     def owned(self) -> int:
         """Number of degrees of freedom of this rank."""
-        return self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
+        return self.owned_displacements + self.owned_pressures
+
+    # ------------------------------------------------------------------ layout of a vector
+
+    def joined(self, displacements: Array, pressures: Array | None = None) -> Array:
+        """A vector of displacements and pressures, each owned and ghost; zero pressures unless given.
+
+        Without pressures in the problem it is the array of displacements itself.
+        """
+        if self.p is None:
+            return displacements
+        n, m = self.owned_displacements, self.owned_pressures
+        if pressures is None:
+            pressures = np.zeros(len(self.p.x.array), dtype=displacements.dtype)
+        return np.concatenate([displacements[:n], pressures[:m], displacements[n:], pressures[m:]])
+
+    def displacements(self, values: Array) -> Array:
+        """The displacements of a vector, owned and ghost."""
+        if self.p is None:
+            return values
+        n, ghosts = self.owned_displacements, len(self.u.x.array) - self.owned_displacements
+        return np.concatenate([values[:n], values[self.owned : self.owned + ghosts]])
+
+    @property
+    def state(self) -> Array:
+        """The present state as a new vector."""
+        return self.joined(self.u.x.array, None if self.p is None else self.p.x.array).copy()
 
     # ------------------------------------------------------------------ prescribed displacements
 
@@ -94,7 +140,7 @@ class Problem:
     def _prescribe(self) -> None:
         d = self.dimension
         nodes = self.V.dofmap.index_map.size_local + self.V.dofmap.index_map.num_ghosts
-        self.held = np.zeros(nodes * d, dtype=bool)
+        held = np.zeros(nodes * d, dtype=bool)
         self.conditions: list[Any] = []
         self.faces: dict[str, NDArray[np.int32]] = {}
         for face, condition in self._by_precedence():
@@ -105,10 +151,11 @@ class Problem:
                     i = "xyz".index(axis)
                     dofs = self._component_dofs(face, i)
                     self.conditions.append(fem.dirichletbc(np.float64(0.0), dofs, self.V.sub(i)))
-                    self.held[blocks * d + i] = True
+                    held[blocks * d + i] = True
             else:
                 self.conditions.append(fem.dirichletbc(self._motion, blocks))
-                self.held[(blocks[:, None] * d + np.arange(d)).ravel()] = True
+                held[(blocks[:, None] * d + np.arange(d)).ravel()] = True
+        self.held = self.joined(held)
 
     def _component_dofs(self, face: str, i: int) -> NDArray[np.int32]:
         """Unrolled indices of one displacement component on a face."""
@@ -134,21 +181,29 @@ class Problem:
                 continue
             motion = _motion(condition, points[blocks], load)
             values[(blocks[:, None] * d + np.arange(d)).ravel()] = motion[:, :d].ravel()
-        return values
+        return self.joined(values)
 
     def lift(self, increment: Array) -> Array:
         """Forces -K Δg of an increment of the prescribed displacements at the current state.
 
         Zero at the prescribed degrees of freedom.
         """
-        self._motion.x.array[:] = increment
-        b = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        self._motion.x.array[:] = self.displacements(increment)
+        forces = self._lifted(self.V, self.potential.tangent)
+        if not isinstance(self.potential, MixedPotential) or self.p is None:
+            lifted = forces
+        else:
+            lifted = self.joined(forces, self._lifted(self.p.function_space, [self.potential.coupling]))
+        lifted[self.held] = 0.0
+        return lifted
+
+    def _lifted(self, space: fem.FunctionSpace, forms: list[Any]) -> Array:
+        b = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
         b.array[:] = 0.0
-        for form in self.potential.tangent:
+        for form in forms:
             fem.apply_lifting(b.array, [form], [self.conditions])
         b.scatter_reverse(la.InsertMode.add)
         b.scatter_forward()
-        b.array[self.held] = 0.0
         return b.array
 
     # ------------------------------------------------------------------ loads
@@ -183,8 +238,12 @@ class Problem:
 
     def set_state(self, values: Array) -> None:
         """Takes the owned values of a state and updates the ghosts."""
-        self.u.x.array[: self.owned] = values[: self.owned]
+        n = self.owned_displacements
+        self.u.x.array[:n] = values[:n]
         self.u.x.scatter_forward()
+        if self.p is not None:
+            self.p.x.array[: self.owned_pressures] = values[n : self.owned]
+            self.p.x.scatter_forward()
 
     def energy_at(self, values: Array) -> float:
         """Π, the same on every rank; NaN where ψ is undefined."""
@@ -194,9 +253,12 @@ class Problem:
             return self.comm.allreduce(sum(float(fem.assemble_scalar(form)) for form in forms))
 
     def force_at(self, values: Array, forms: list[Any]) -> Array:
-        """Sum of assembled forms at a state, with ghost contributions added to their owners."""
+        """Sum of assembled forms over displacements at a state, with ghost contributions added to their owners."""
         self.set_state(values)
-        b = la.vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        return self._assembled(self.V, forms)
+
+    def _assembled(self, space: fem.FunctionSpace, forms: list[Any]) -> Array:
+        b = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
         b.array[:] = 0.0
         for form in forms:
             fem.assemble_vector(b.array, form)
@@ -205,8 +267,11 @@ class Problem:
         return b.array
 
     def residual_at(self, values: Array) -> Array:
-        """Out-of-balance forces, reactions at the prescribed degrees of freedom included."""
-        return self.force_at(values, [*self.potential.internal, *self.potential.external])
+        """Out-of-balance forces, reactions at the prescribed degrees of freedom included, and volume strains."""
+        forces = self.force_at(values, [*self.potential.internal, *self.potential.external])
+        if not isinstance(self.potential, MixedPotential) or self.p is None:
+            return forces
+        return self.joined(forces, self._assembled(self.p.function_space, [self.potential.volume_strain]))
 
     def norm(self, values: Array) -> float:
         """Euclidean norm over all ranks."""

@@ -38,6 +38,7 @@ class Mesh(_Table):
     order: Literal[1, 2] = 1
     grade: dict[str, PositiveFloat] | None = None
     path: str | None = None
+    refine: Annotated[int, Field(ge=0, le=10)] = 0
 
     @property
     def dimension(self) -> int | None:
@@ -293,6 +294,8 @@ def _check(scene: Scene) -> None:
         raise SceneError('mesh.path: missing; shape = "file" needs the path of a .msh file')
     if mesh.shape != "file" and mesh.path is not None:
         raise SceneError(f'mesh.path = {mesh.path!r}: expected shape = "file" with it, got shape = "{mesh.shape}"')
+    if mesh.shape != "file" and mesh.refine:
+        raise SceneError(f'mesh.refine = {mesh.refine}: expected shape = "file" with it; use cells')
     if mesh.shape == "file" and not Path(mesh.path or "").is_file():
         raise SceneError(f"mesh.path = {mesh.path!r}: no such file")
     if mesh.shape != "file" and scene.cell not in element.cells:
@@ -309,6 +312,7 @@ def _check(scene: Scene) -> None:
         try:
             arguments = mesh_arguments(scene)
             arguments.pop("path")
+            arguments.pop("refine")
             make_plan(**arguments)
         except GeometryError as error:
             raise SceneError(f"mesh: {error}") from None

@@ -89,7 +89,7 @@ class Minimizer:
         problem.potential.set_filter(filtering)
         matrix.zeroEntries()
         for form in problem.potential.tangent:
-            dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, diagonal=0.0)  # type: ignore[arg-type]
+            dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
         matrix.assemble()
         # A diagonal of the size of the others keeps the prescribed rows out of the conditioning.
         diagonal = matrix.getDiagonal()

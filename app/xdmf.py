@@ -49,7 +49,7 @@ class WholeMesh:
         self._node_order = self._order(mesh.geometry.input_global_indices[: nodes.size_local])
         self._cell_order = self._order(mesh.topology.original_cell_index[:owned_cells])
 
-        width = mesh.geometry.dofmap.shape[1]
+        width = mesh.ufl_domain().ufl_coordinate_element().basix_element.dim
         local = vtk_mesh(mesh)[0].reshape(-1, width + 1)[:, 1:]
         cells = self.cells_to_root(nodes.local_to_global(local.ravel().astype(np.int32)).reshape(-1, width))
         # Global numbers run through the ranks one after the other, as do the gathered nodes.

@@ -170,6 +170,8 @@ def calibrate(
     target = np.array(lame_pair(E, nu, mixed))
     incompressible = target[0] == _INF
     if incompressible:
+        if solve_for is not None:
+            raise MaterialError(f"{material.name}: calibrate must be left out at nu = 0.5, got {solve_for!r}")
         # Any λ would do: in no material does μ_Lamé depend on its weight.
         target[0] = E
     values, options = material.check(given or {})

@@ -66,13 +66,13 @@ def with_separate_nonlinearity(energy: Energy, alpha_lambda: float, alpha_mu: fl
         return with_nonlinearity(energy, alpha_mu)
     _check_objective(energy)
     _check_has_lambda(energy)
-    shear_part, own, _ = _shear_part(energy)
+    mu_part, own, _ = shear_part(energy)
     key_l, key_m = _fresh(energy, "nonlinearity_lambda"), _fresh(energy, "nonlinearity_mu")
     key = _fresh(energy, "lame_lambda")
 
     def parts(s: PrincipalStretches, v: Values) -> Parts:
         volume = energy.parts(s.power(v[key_l]) if alpha_lambda != 1 else s, v).volume
-        shear = shear_part(s.power(v[key_m]) if alpha_mu != 1 else s, v)
+        shear = mu_part(s.power(v[key_m]) if alpha_mu != 1 else s, v)
         return Parts(shear * v[key_m] ** -2, v[key], volume * v[key_l] ** -2)
 
     exponents = {key_l: alpha_lambda, key_m: alpha_mu, key: linearize(energy).lame_lambda}
@@ -95,13 +95,13 @@ def with_volume(energy: Energy, other: Energy, lame_lambda: float) -> Energy:
     _check_objective(energy)
     _check_objective(other)
     _check_has_lambda(other)
-    shear_part, own, remaining = _shear_part(energy)
+    mu_part, own, remaining = shear_part(energy)
     keys = {name: _fresh(energy, f"volume.{name}") for name in other.values}
     key = _fresh(energy, "lame_lambda")
 
     def parts(s: PrincipalStretches, v: Values) -> Parts:
         volume = other.parts(s, {name: v[keys[name]] for name in keys}).volume
-        return Parts(shear_part(s, v), v[key], volume)
+        return Parts(mu_part(s, v), v[key], volume)
 
     added = {keys[name]: value for name, value in other.values.items()}
     added[key] = as_number(lame_lambda, "lame_lambda") - remaining
@@ -118,7 +118,7 @@ def _check_has_lambda(energy: Energy) -> None:
         raise MaterialError(f'{energy.name}: has no λ part; add one with volume = "neo-hookean-ogden"')
 
 
-def _shear_part(energy: Energy) -> tuple[ShearPart, dict[str, float], float]:
+def shear_part(energy: Energy) -> tuple[ShearPart, dict[str, float], float]:
     """The μ part of Eq. 19, the values it reads beside the energy's own, and the λ_Lamé left in it.
 
     The part as written may hold some λ, -μ in stable neo-Hookean; it moves to where λ is by way of the

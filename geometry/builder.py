@@ -26,6 +26,7 @@ def build(
     order: int = 1,
     grade: Mapping[str, float] | None = None,
     path: str | PathLike[str] | None = None,
+    refine: int = 0,
 ) -> Geometry:
     """Build a mesh with named faces; collective.
 
@@ -50,6 +51,8 @@ def build(
         path: Gmsh's `.msh` file, for shape "file". Its named physical groups of surfaces (curves in 2D)
             become faces, those of volumes regions. Cells keep their type and size, and their order
             unless `order` is higher; `size`, `cells`, `cell` and `h` do not matter.
+        refine: For shape "file": how often each cell is split, with 2 parts along each edge. Its cells must
+            be straight, of order 1.
 
     Returns:
         The mesh and its faces.
@@ -58,9 +61,11 @@ def build(
         GeometryError: On every rank; an argument is impossible, or the file has no usable mesh.
     """
     if shape == "file":
-        return _from_file(comm, path, order, grade)
+        return _from_file(comm, path, order, grade, refine)
     if path is not None:
         raise GeometryError(f'path = {str(path)!r}: expected shape = "file" with it, got {shape!r}')
+    if refine:
+        raise GeometryError(f'refine = {refine!r}: expected shape = "file" with it, got {shape!r}; use cells')
     plan = make_plan(shape, size, cells, cell, h, order, grade)
 
     from geometry.compat import model_to_mesh
@@ -94,7 +99,7 @@ def _stretch(mesh: Mesh, plan: Plan) -> None:
 
 
 def _from_file(
-    comm: MPI.Comm, path: str | PathLike[str] | None, order: int, grade: Mapping[str, float] | None
+    comm: MPI.Comm, path: str | PathLike[str] | None, order: int, grade: Mapping[str, float] | None, refine: int
 ) -> Geometry:
     if path is None:
         raise GeometryError('path: expected the path of a .msh file with shape = "file", got none')
@@ -108,7 +113,7 @@ def _from_file(
     from geometry.msh import load
 
     with session(comm) as model:
-        content = on_root(comm, lambda: load(model, path, order))
+        content = on_root(comm, lambda: load(model, path, order, refine))
         mesh, cell_tags, facet_tags = model_to_mesh(model, comm, content.dim)
     g = Geometry(mesh, facet_tags, content.faces, cell_tags if content.grouped else None, content.regions)
     owned = mesh.topology.index_map(content.dim - 1).size_local

@@ -51,13 +51,14 @@ class Group:
     entities: list[int]
 
 
-def load(model: Any, path: str | PathLike[str], order: int) -> Content:
+def load(model: Any, path: str | PathLike[str], order: int, refine: int = 0) -> Content:
     """Read a file into the current gmsh model and keep of its physical groups those that matter.
 
     Args:
         model: An empty `gmsh.model`.
         path: The file.
         order: Cells of a lower order are raised to this one.
+        refine: How often each cell is split into equal parts, 2 along each edge.
 
     Returns:
         What the file holds; each cell is in exactly one group of the model afterwards.
@@ -67,7 +68,12 @@ def load(model: Any, path: str | PathLike[str], order: int) -> Content:
     """
     _read(Path(path))
     dim = _dimension(model, path)
-    if order > model.mesh.getElementProperties(model.mesh.getElementTypes(dim)[0])[2]:
+    given = model.mesh.getElementProperties(model.mesh.getElementTypes(dim)[0])[2]
+    if refine and given > 1:
+        raise GeometryError(f"{path}: refine = {refine}: expected straight cells, of order 1, got order {given}")
+    for _ in range(refine):
+        model.mesh.refine()
+    if order > given:
         model.mesh.setOrder(order)
     cell_type = _cell_type(model, path, dim)
 

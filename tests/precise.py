@@ -175,9 +175,17 @@ def _difference(p: list[Any], h: list[list[Any]], s: list[Any], i: int, j: int, 
     return (p[i] - sign * p[j]) / gap
 
 
+def distance(found: np.ndarray, exact: np.ndarray) -> float:
+    """‖found - exact‖, Frobenius, subtracted before anything is rounded."""
+    pairs = zip(np.ravel(found), np.ravel(exact), strict=True)
+    return float(mp.sqrt(sum((mp.mpf(float(a)) - b) ** 2 for a, b in pairs)))
+
+
+def norm(exact: np.ndarray) -> float:
+    """‖exact‖, Frobenius."""
+    return float(mp.sqrt(sum(b**2 for b in np.ravel(exact))))
+
+
 def relative_error(found: np.ndarray, exact: np.ndarray) -> float:
-    """‖found - exact‖ / ‖exact‖, Frobenius, computed before anything is rounded."""
-    difference = [mp.mpf(float(a)) - b for a, b in zip(np.ravel(found), np.ravel(exact), strict=True)]
-    size = mp.sqrt(sum(b**2 for b in np.ravel(exact)))
-    error = mp.sqrt(sum(d**2 for d in difference))
-    return float(error / size) if size else float(error)
+    """‖found - exact‖ / ‖exact‖, or ‖found‖ where the exact value is zero."""
+    return distance(found, exact) / (norm(exact) or 1.0)

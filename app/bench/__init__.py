@@ -1,0 +1,1 @@
+"""What Elastune is compared with."""

@@ -1,0 +1,186 @@
+"""A study's records against its reference: errors, medians of the times, orders, and the price of an accuracy."""
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from app.cases import Case, make_scene, overkill, read, stated
+from app.errors import UserError
+from app.orders import fitted_order, limit, price
+from app.records import REFERENCE, Records, key_of
+from app.study import NORMS, Study
+
+
+@dataclass(frozen=True)
+class Point:
+    """One case.
+
+    Attributes:
+        h: Size of a cell over that of the body, (1/cells)^(1/d).
+        dofs: Number of unknowns.
+        seconds: Median of the repeats.
+        spread: Least and largest of the repeats.
+        memory_mb: Median of the repeats.
+        values: Energy, volume_ratio and quantities.
+        errors: Relative, by the same names, and norms.
+    """
+
+    h: float
+    dofs: int
+    seconds: float
+    spread: tuple[float, float]
+    memory_mb: float
+    values: dict[str, float]
+    errors: dict[str, float]
+
+
+@dataclass
+class Curve:
+    """The cases that differ by their mesh only, from coarse to fine.
+
+    Attributes:
+        name: As the figures call it.
+        panel: Value of the study's `panels` key.
+        solver: Of its cases.
+        element: Of its cases.
+        points: The cases that converged.
+        lost: Status and message of those that did not.
+    """
+
+    name: str
+    panel: Any
+    solver: str
+    element: str
+    points: list[Point]
+    lost: list[str]
+
+    def order(self, name: str) -> float:
+        """The fitted order of an error in h."""
+        return fitted_order([p.h for p in self.points], [p.errors.get(name, math.nan) for p in self.points])
+
+    def price(self, name: str, tolerance: float) -> float:
+        """Seconds of the cheapest case from which on the error stays within a tolerance; infinity if there is none."""
+        return price([(p.seconds, p.errors.get(name, math.nan)) for p in self.points], tolerance)
+
+
+class Comparison:
+    """Curves of errors, and their tables."""
+
+    def __init__(self, study: Study, found: Sequence[Case], records: Records) -> None:
+        """Collects what has been run.
+
+        Raises:
+            UserError: If a reference run failed, or three of them point to no limit.
+        """
+        self.study, self.records = study, records
+        self.curves: list[Curve] = []
+        for case in found:
+            panel = read(study, case.settings, study.panels) if study.panels else None
+            curve = self._curve(case, panel)
+            done = [record for record in records.of(key_of(case)) if record.converged]
+            if not done:
+                curve.lost += [f"{r.entries['status']}: {r.entries['message']}" for r in records.of(key_of(case))]
+                continue
+            seconds = [record.seconds for record in done]
+            cells, dofs = int(done[0].entries["cells"]), int(done[0].entries["dofs"])
+            dimension = 2 if case.scene.cell in ("triangle", "quadrilateral") else 3
+            curve.element = done[0].entries["element"]
+            curve.points.append(
+                Point(
+                    cells ** (-1 / dimension),
+                    dofs,
+                    median(seconds),
+                    (min(seconds), max(seconds)),
+                    median(float(record.entries["memory_mb"]) for record in done),
+                    done[0].values,
+                    self._errors(case, done[0].values),
+                )
+            )
+
+    def _curve(self, case: Case, panel: Any) -> Curve:
+        for curve in self.curves:
+            if (curve.name, curve.panel, curve.solver) == (case.curve, panel, case.solver):
+                return curve
+        self.curves.append(Curve(case.curve, panel, case.solver, case.scene.element, [], []))
+        return self.curves[-1]
+
+    def _errors(self, case: Case, values: dict[str, float]) -> dict[str, float]:
+        if self.study.reference.manufactured:
+            return values
+        truth = self.truth(case)
+        return {name: abs(value / truth[name] - 1) for name, value in values.items() if truth.get(name)}
+
+    def truth(self, case: Case) -> dict[str, float]:
+        """What the quantities of a case tend to."""
+        if self.study.reference.stated:
+            return stated(self.study, case)
+        runs = []
+        for settings in overkill(self.study, case):
+            reference = Case(REFERENCE, settings, make_scene(self.study, settings), "elastune", case.ranks)
+            record = self.records.of(key_of(reference))[0]
+            if not record.converged:
+                raise UserError(f"{self.study.name}.toml: reference {reference.key}: {record.entries['message']}")
+            runs.append(record.values)
+        if len(runs) == 1:
+            return runs[0]
+        try:
+            return {name: limit([run[name] for run in runs]) for name in runs[0]}
+        except ValueError as error:
+            raise UserError(f"{self.study.name}.toml: reference.extrapolate: {error}") from None
+
+    # ------------------------------------------------------------------ tables
+
+    def write(self, folder: Path) -> list[Path]:
+        """Writes `errors.csv`, a row a case, and `table.md`, a row a curve; returns their paths."""
+        errors, table = folder / "errors.csv", folder / "table.md"
+        with errors.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows(self._rows())
+        table.write_text("\n".join(self._table()) + "\n", encoding="utf-8")
+        return [errors, table]
+
+    def _names(self) -> list[str]:
+        present = {name for curve in self.curves for point in curve.points for name in point.errors}
+        return [name for name in (*NORMS, *self.study.quantities, "energy", "volume_ratio") if name in present]
+
+    def _rows(self) -> Iterator[list[Any]]:
+        names = self._names()
+        head = ["curve", "panel", "solver", "h", "unknowns", "seconds", "fastest", "slowest", "memory_mb"]
+        yield head + [f"error_{name}" for name in names]
+        for curve in self.curves:
+            for p in curve.points:
+                row = [curve.name, curve.panel, curve.solver, p.h, p.dofs, p.seconds, *p.spread, p.memory_mb]
+                yield row + [p.errors.get(name) for name in names]
+
+    def _table(self) -> Iterator[str]:
+        plot, tolerances = self.study.plot, self.study.tolerances
+        names = [name for name in self._names() if name in NORMS or name == plot]
+        yield f"{self.study.title}. Error of {plot}; seconds to reach it."
+        yield ""
+        panels = [self.study.panels] if self.study.panels else []
+        head = ["curve", *panels, *(f"order of {name}" for name in names), "least error", "unknowns"]
+        head += [f"to {100 * tolerance:g} %" for tolerance in tolerances]
+        yield f"| {' | '.join(head)} |"
+        yield f"|{'---|' * len(head)}"
+        for curve in self.curves:
+            if not curve.points:
+                row = [curve.name, *([str(curve.panel)] if panels else []), *curve.lost[:1]]
+                yield f"| {' | '.join(row)} |" + " |" * (len(head) - len(row))
+                continue
+            finest = curve.points[-1]
+            cells = [curve.name, *([str(curve.panel)] if panels else []), *(f"{curve.order(name):.2f}" for name in names)]
+            cells += [f"{finest.errors.get(plot, math.nan):.2g}", f"{finest.dofs:,}"]
+            cells += [self._price(curve, tolerance) for tolerance in tolerances]
+            yield f"| {' | '.join(cells)} |"
+
+    def _price(self, curve: Curve, tolerance: float) -> str:
+        seconds = curve.price(self.study.plot, tolerance)
+        if math.isfinite(seconds):
+            return f"{seconds:.2g}"
+        timed_out = any(text.startswith("timeout") for text in curve.lost)
+        return f"not in {self.study.timeout:g} s" if timed_out else "-"
+
