@@ -128,7 +128,7 @@ def _word(name: str, value: Any) -> str:
     if isinstance(value, dict):
         return str(value.get("name", value))
     if name == "mesh.grade":
-        return str(value)
+        return "graded" if value else "even"
     symbols = {"nu": "ν", "alpha": "α"}
     last = name.rpartition(".")[2]
     return str(value) if isinstance(value, str) else f"{symbols.get(last, last)} = {value}"

@@ -52,6 +52,14 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--E", type=float, default=1.0, help="Young's modulus (default 1)")
     command.add_argument("--nu", type=float, default=0.3, help="Poisson's ratio (default 0.3)")
     command.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="with a name: alpha=2, volume=hencky, parameters.mu=1.0, as in a scene's material table",
+    )
+    command.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve"
     )
 
@@ -134,9 +142,11 @@ def _materials(options: Any, petsc: list[str]) -> int:
         if options.name is None:
             table(options.E, options.nu, console)
         else:
-            show(options.name, options.E, options.nu, options.out, {}, console)
+            show(options.name, options.E, options.nu, options.out, _material_table(options.overrides), console)
     except MaterialError as error:
         raise UserError(str(error)) from None
+    except OSError as error:
+        raise UserError(f"--out {options.out}: cannot be written: {error.strerror}") from None
     return OK
 
 
@@ -154,6 +164,22 @@ def _converge(options: Any, petsc: list[str]) -> int:
     files = converge(study, options.out or Path("results/converge") / study.name, lambda line: print(line, flush=True))
     print("results: " + ", ".join(str(file) for file in files))
     return OK
+
+
+def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
+    """The keys of a scene's material table that `tuned_energy` takes beside name, E and nu."""
+    if not overrides:
+        return {}
+    from app.scene import Material, override
+
+    table: dict[str, Any] = {}
+    for assignment in overrides:
+        override(table, assignment)
+    known = set(Material.model_fields) - {"name", "E", "nu", "extension"}
+    for key in table:
+        if key not in known:
+            raise UserError(f"--set {key}: expected one of {', '.join(sorted(known))}")
+    return table
 
 
 _COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials, "converge": _converge}

@@ -141,9 +141,8 @@ class Output:
 
     def _write_history(self, steps: list[Step]) -> None:
         rows = [self._row(step) for step in steps]
-        columns = list(rows[0]) if rows else [name for name in Step.__dataclass_fields__ if name != "reaction"]
         table = io.StringIO()
-        writer = csv.DictWriter(table, columns, lineterminator="\n")
+        writer = csv.DictWriter(table, list(rows[0]) if rows else ["load"], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
         replace_text(self.folder / "history.csv", table.getvalue())

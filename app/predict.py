@@ -61,7 +61,8 @@ class Blend:
             condition = problem.scene.boundary[face].rotate
             angles = self._shares[face] * np.deg2rad((end - start) * condition.angle)
             moved += rotated(condition, rest + displacement, angles)
-        return np.where(problem.held, problem.prescribed(end), moved[:, :d].ravel())
+        guess = problem.with_displacements(values, moved[:, :d].ravel())
+        return np.where(problem.held, problem.prescribed(end), guess)
 
 
 def _solve(laplace: fem.Form, W: fem.FunctionSpace, conditions: list[fem.DirichletBC]) -> Array:

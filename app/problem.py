@@ -125,6 +125,12 @@ class Problem:
         n, ghosts = self.owned_displacements, len(self.u.x.array) - self.owned_displacements
         return np.concatenate([values[:n], values[self.owned : self.owned + ghosts]])
 
+    def with_displacements(self, values: Array, displacements: Array) -> Array:
+        """A vector with other displacements and the same pressures."""
+        changed = self.joined(displacements)
+        changed[self.owned_displacements : self.owned] = values[self.owned_displacements : self.owned]
+        return changed
+
     @property
     def state(self) -> Array:
         """The present state as a new vector."""
@@ -276,6 +282,11 @@ class Problem:
     def norm(self, values: Array) -> float:
         """Euclidean norm over all ranks."""
         own = values[: self.owned]
+        return float(np.sqrt(self.comm.allreduce(float(own @ own))))
+
+    def norm_displacements(self, values: Array) -> float:
+        """Euclidean norm of the displacements, or of the forces on them, over all ranks."""
+        own = values[: self.owned_displacements]
         return float(np.sqrt(self.comm.allreduce(float(own @ own))))
 
     def dot(self, a: Array, b: Array) -> float:

@@ -189,8 +189,8 @@ def load(source: str, overrides: Iterable[str] = ()) -> Scene:
         raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: not TOML: {error}") from None
-    for override in overrides:
-        _override(data, override)
+    for assignment in overrides:
+        override(data, assignment)
     return parse(data, path)
 
 
@@ -224,11 +224,16 @@ def parse(data: dict[str, Any], path: Path) -> Scene:
     return scene
 
 
-def _override(data: dict[str, Any], override: str) -> None:
-    key, equals, text = override.partition("=")
+def override(data: dict[str, Any], assignment: str) -> None:
+    """Applies an assignment `key.key=value`, with a TOML value or a bare word, to nested tables.
+
+    Raises:
+        SceneError: If it is no assignment, or a key on the way is not a table.
+    """
+    key, equals, text = assignment.partition("=")
     names = [part.strip() for part in key.split(".")]
     if not equals or not all(names):
-        raise SceneError(f"--set {override}: expected key.key=value")
+        raise SceneError(f"--set {assignment}: expected key.key=value")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -238,7 +243,7 @@ def _override(data: dict[str, Any], override: str) -> None:
     for part in names[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise SceneError(f"--set {override}: {part} is not a table")
+            raise SceneError(f"--set {assignment}: {part} is not a table")
     table[names[-1]] = value
 
 

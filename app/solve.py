@@ -192,13 +192,14 @@ def _configure(ksp: PETSc.KSP, problem: Problem, matrix: PETSc.Mat, direct: bool
     ksp.setType("cg" if problem.potential.loads.conservative else "gmres")
     ksp.setTolerances(max_it=2000)
     pc.setType("gamg")
-    matrix.setNearNullSpace(_rigid_motions(problem))
+    matrix.setNearNullSpace(rigid_motions(problem))
 
 
-def _rigid_motions(problem: Problem) -> PETSc.NullSpace:
+def rigid_motions(problem: Problem) -> PETSc.NullSpace:
     """Translations and rotations of the reference body: what algebraic multigrid must represent."""
-    coordinates = _vector(problem)
-    nodes = problem.owned // problem.dimension
+    d, owned = problem.dimension, problem.owned_displacements
+    coordinates = PETSc.Vec().createMPI((owned, PETSc.DETERMINE), bsize=d, comm=problem.comm)
+    nodes = owned // d
     points = problem.V.tabulate_dof_coordinates()[:nodes, : problem.dimension]
     coordinates.array[:] = points.ravel()
     return PETSc.NullSpace().createRigidBody(coordinates)

@@ -7,6 +7,7 @@ import numpy as np
 
 from app.predict import Blend
 from app.problem import Array, Problem
+from app.saddle import SaddlePoint
 from app.solve import Minimizer, NotConverged
 
 
@@ -40,9 +41,9 @@ def follow(problem: Problem, report: Callable[[float, int], None] | None = None)
         LoadFailure: If increments of the smallest size fail.
     """
     solve = problem.scene.solve
-    minimizer = Minimizer(problem)
+    minimizer = Minimizer(problem) if problem.p is None else SaddlePoint(problem)
     blend = Blend(problem)
-    values = np.zeros_like(problem.u.x.array)
+    values = np.zeros_like(problem.state)
     load, size = 0.0, 1.0 / solve.steps
     for number in range(1, solve.steps + 1):
         goal = number / solve.steps
@@ -66,7 +67,7 @@ def follow(problem: Problem, report: Callable[[float, int], None] | None = None)
         minimizer.count.newton = minimizer.count.linear = 0
 
 
-def _guess(problem: Problem, minimizer: Minimizer, blend: Blend, values: Array, load: float, target: float) -> Array:
+def _guess(problem: Problem, minimizer: Minimizer | SaddlePoint, blend: Blend, values: Array, load: float, target: float) -> Array:
     """The start of an increment: by the tangent, or where faces turn by the blended motion."""
     if not blend.turning:
         return minimizer.predict(values, target)

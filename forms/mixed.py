@@ -30,7 +30,8 @@ class MixedPotential(Potential):
         coupling_transposed: ∂²Π/∂u∂p, rows of displacements.
         compliance: ∂²Π/∂p², minus 1/λ times `mass`, zero at ν = 0.5.
         mass: ∫p q dX.
-        stretching: μ ∫∇u : ∇v dX, positive definite whatever the state.
+        stretching: `share` times μ ∫∇u : ∇v dX, positive definite whatever the state.
+        share: A constant of `stretching`.
 
     Reference:
         Sussman & Bathe 1987, Computers & Structures 26:357, for the displacement-pressure form.
@@ -76,7 +77,8 @@ class MixedPotential(Potential):
         self.coupling_transposed = fem.form(ufl.derivative(force, p, r))
         self.compliance = fem.form(ufl.derivative(strain, p, r))
         self.mass = fem.form(ufl.inner(q, r) * dx)
-        self.stretching = fem.form(self.shear_modulus * ufl.inner(ufl.grad(v), ufl.grad(w)) * dx)
+        self.share = fem.Constant(V.mesh, 0.0)
+        self.stretching = fem.form(self.share * self.shear_modulus * ufl.inner(ufl.grad(v), ufl.grad(w)) * dx)
 
 
 def _constants(split: Split, mesh: dolfinx.mesh.Mesh) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ RANKS = [
     {"scene", "catalogue", "xdmf", "fields", "plots", "compat"},
     {"problem", "output"},
     {"solve", "measures", "predict"},
+    {"saddle"},
     {"stepping"},
     {"run"},
     {"progress"},

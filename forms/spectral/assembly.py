@@ -127,8 +127,9 @@ def _check_space(u: Function) -> None:
     gdim, cell = mesh.geometry.dim, mesh.basix_cell().name
     if cell not in _CELLS or mesh.topology.dim != gdim:
         raise SpectralError(f"u: expected {', '.join(_CELLS)} in as many dimensions, got {cell} in {gdim}")
-    family = element.element_family
-    if element.reference_value_shape != (gdim,) or family is None or family.name != "P" or element.discontinuous:
+    family = None if element.element_family is None else element.element_family.name
+    # A custom element is one of values at nodes with a bubble.
+    if element.reference_value_shape != (gdim,) or family not in ("P", "custom") or element.discontinuous:
         raise SpectralError(f"u: expected continuous Lagrange with {gdim} components, got {element}")
     if u.dtype != np.float64:
         raise SpectralError(f"u: expected float64, got {u.dtype}")
