@@ -96,8 +96,7 @@ class Output:
             data = self._picture_data()
             self._on_root(lambda: self._draw("curve.png", lambda path: self._curve(path, summary)))
             self._on_root(lambda: self._draw("deformed.png", lambda path: plots.picture(path, data)))
-        paths = [self.folder / name for name in FILES]
-        return self._on_root(lambda: [path for path in paths if path.exists()]) or []
+        return self._on_root(lambda: [path for name in FILES if (path := self.folder / name).exists()]) or []
 
     # ------------------------------------------------------------------ fields
 
@@ -192,8 +191,8 @@ class Output:
                 reason = getattr(problem, "strerror", None) or " ".join(str(problem).split())
                 cause = problem
         reason = self._comm.bcast(reason)
-        # HDF5 tells of a full disk by either; anything else is a mistake of ours.
-        if cause is not None and not isinstance(cause, OSError | RuntimeError):
+        # A full disk, HDF5's own errors, no h5py; anything else is a mistake of ours.
+        if cause is not None and not isinstance(cause, OSError | RuntimeError | ImportError):
             raise cause
         if reason is not None:
             raise kind(f"{self.folder}: cannot be written: {reason}") from cause

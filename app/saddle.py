@@ -52,8 +52,6 @@ class SaddlePoint:
             (create(forms.compliance), [forms.compliance]),
         ]
         a, b, c, d = (matrix for matrix, _ in self._blocks)
-        for matrix, _ in self._blocks:
-            matrix.assemble()
         self._nest = PETSc.Mat().createNest([[a, b], [c, d]], comm=problem.comm)
         mass = dolfinx.fem.petsc.assemble_matrix(forms.mass)
         mass.assemble()
@@ -65,7 +63,7 @@ class SaddlePoint:
         linear = problem.scene.solve.linear
         self.direct = linear == "direct" or (linear == "auto" and problem.size <= DIRECT_LIMIT)
         self.ksp = PETSc.KSP().create(problem.comm)
-        self.matrix = self._nest.convert("aij") if self.direct else self._nest
+        self.matrix: PETSc.Mat = None if self.direct else self._nest
         if self.direct:
             self._configure_direct()
         else:
@@ -77,9 +75,7 @@ class SaddlePoint:
     def _configure_direct(self) -> None:
         self.ksp.setType("preonly")
         pc = self.ksp.getPC()
-        conservative = self.potential.loads.conservative
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, conservative)
-        pc.setType("cholesky" if conservative else "lu")
+        pc.setType("cholesky" if self.potential.loads.conservative else "lu")
         pc.setFactorSolverType("mumps")
 
     def _configure_iterative(self, mass: PETSc.Mat) -> None:
@@ -120,10 +116,10 @@ class SaddlePoint:
         diagonal = stiffness.getDiagonal()
         diagonal.array[problem.held[: problem.owned_displacements]] = diagonal.norm(PETSc.NormType.INFINITY) or 1.0
         stiffness.setDiagonal(diagonal)
+        self._nest.assemble()
         if self.direct:
-            self._nest.convert("aij", out=self.matrix)
-        else:
-            self._nest.assemble()
+            self.matrix = self._nest.convert("aij", out=self.matrix)
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.potential.loads.conservative)
 
     def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
         """Solves with the assembled tangent; None if the solution is of no use, or no direction of descent."""

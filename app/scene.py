@@ -12,6 +12,7 @@ from app.errors import SceneError
 from forms.elements import ELEMENTS
 from forms.materials import MaterialError
 from forms.tuned import tuned_energy
+from forms.volumetric import split
 from geometry import GeometryError, face_names
 from geometry.shapes import make_plan
 
@@ -309,6 +310,8 @@ def _check(scene: Scene) -> None:
         )
     _check_conditions(scene)
     energy = material_energy(scene)
+    if scene.material.extension is not None and element.pressure is not None:
+        raise SceneError(f'material.extension: not for mixed elements, got solve.element = "{scene.element}"')
     if scene.material.extension is not None and not energy.objective:
         raise SceneError(f"material.extension: {energy.name} has no singularity to continue")
     if scene.material.extension is not None and scene.solve.assembly == "ufl":
@@ -352,7 +355,11 @@ def material_energy(scene: Scene) -> Any:
         SceneError: If the material cannot be what the scene asks for.
     """
     try:
-        return tuned_energy(**scene.material.model_dump(exclude={"extension"}))
+        mixed = ELEMENTS[scene.element].pressure is not None
+        energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=mixed)
+        if mixed:
+            split(energy)
+        return energy
     except MaterialError as error:
         raise SceneError(f"material: {error}") from None
 
