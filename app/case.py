@@ -85,10 +85,10 @@ def _scene(scene: Scene, quantities: dict[str, Quantity], comm: MPI.Comm) -> Mea
     newton = sum(state.newton for state in follow(problem))
     seconds = time.perf_counter() - began
     measured = _record(problem, newton, seconds)
-    values = problem.u.x.array.copy()
-    forces = problem.residual_at(values).reshape(-1, problem.dimension)
+    state = problem.state
+    forces = problem.displacements(problem.residual_at(state)).reshape(-1, problem.dimension)
     measured.values = {
-        "energy": problem.energy_at(values),
+        "energy": problem.energy_at(state),
         "volume_ratio": Measures(problem).volume_ratio(),
         **_values(quantities, problem.u, forces, problem.faces),
     }

@@ -20,6 +20,7 @@ class Case:
 
     Attributes:
         curve: Name of the curve it is a point of.
+        panel: Name of the panel that the curve is in, empty if there is one only.
         settings: What it sets of the base scene, by dotted key.
         scene: The checked scene.
         solver: As in `Series`.
@@ -27,6 +28,7 @@ class Case:
     """
 
     curve: str
+    panel: str
     settings: Settings
     scene: Scene
     solver: str
@@ -64,7 +66,8 @@ def cases(study: Study) -> list[Case]:
             settings = fixed | flatten(chosen)
             words = [series.label, *(_word(name, chosen[name]) for name in telling)]
             curve = ", ".join(word for word in words if word) or study.title
-            case = Case(curve, settings, make_scene(study, settings), series.solver, series.ranks)
+            panel = _word(study.panels, chosen[study.panels]) if study.panels in chosen else ""
+            case = Case(curve, panel, settings, make_scene(study, settings), series.solver, series.ranks)
             _check(study, case)
             found.append(case)
     return found
@@ -125,10 +128,10 @@ def make_scene(study: Study, settings: Settings) -> Scene:
 
 def _word(name: str, value: Any) -> str:
     """A varied value in a curve's name."""
-    if isinstance(value, dict):
-        return str(value.get("name", value))
     if name == "mesh.grade":
         return "graded" if value else "even"
+    if isinstance(value, dict):
+        return ", ".join(_word(key, entry) for key, entry in value.items() if key != "volume")
     symbols = {"nu": "ν", "alpha": "α"}
     last = name.rpartition(".")[2]
     return str(value) if isinstance(value, str) else f"{symbols.get(last, last)} = {value}"

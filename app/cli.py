@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -96,6 +97,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader of our output has gone, as in `elastune materials | head`.
         sys.stderr.close()
         return OK
+    except Exception:
+        # Other ranks would wait forever for one that has failed alone.
+        mpi = sys.modules.get("mpi4py.MPI")
+        if mpi is not None and mpi.COMM_WORLD.size > 1:
+            traceback.print_exc()
+            sys.stderr.flush()
+            mpi.COMM_WORLD.Abort(1)
+        raise
 
 
 def _complain(message: str) -> None:

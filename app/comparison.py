@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from app.cases import Case, make_scene, overkill, read, stated
+from app.cases import Case, make_scene, overkill, stated
 from app.errors import UserError
 from app.orders import fitted_order, limit, price
 from app.records import REFERENCE, Records, key_of
@@ -44,7 +44,7 @@ class Curve:
 
     Attributes:
         name: As the figures call it.
-        panel: Value of the study's `panels` key.
+        panel: Name of its panel, which may be empty.
         solver: Of its cases.
         element: Of its cases.
         points: The cases that converged.
@@ -52,7 +52,7 @@ class Curve:
     """
 
     name: str
-    panel: Any
+    panel: str
     solver: str
     element: str
     points: list[Point]
@@ -79,8 +79,7 @@ class Comparison:
         self.study, self.records = study, records
         self.curves: list[Curve] = []
         for case in found:
-            panel = read(study, case.settings, study.panels) if study.panels else None
-            curve = self._curve(case, panel)
+            curve = self._curve(case)
             done = [record for record in records.of(key_of(case)) if record.converged]
             if not done:
                 curve.lost += [f"{r.entries['status']}: {r.entries['message']}" for r in records.of(key_of(case))]
@@ -101,11 +100,11 @@ class Comparison:
                 )
             )
 
-    def _curve(self, case: Case, panel: Any) -> Curve:
+    def _curve(self, case: Case) -> Curve:
         for curve in self.curves:
-            if (curve.name, curve.panel, curve.solver) == (case.curve, panel, case.solver):
+            if (curve.name, curve.panel, curve.solver) == (case.curve, case.panel, case.solver):
                 return curve
-        self.curves.append(Curve(case.curve, panel, case.solver, case.scene.element, [], []))
+        self.curves.append(Curve(case.curve, case.panel, case.solver, case.scene.element, [], []))
         return self.curves[-1]
 
     def _errors(self, case: Case, values: dict[str, float]) -> dict[str, float]:
@@ -120,7 +119,7 @@ class Comparison:
             return stated(self.study, case)
         runs = []
         for settings in overkill(self.study, case):
-            reference = Case(REFERENCE, settings, make_scene(self.study, settings), "elastune", case.ranks)
+            reference = Case(REFERENCE, "", settings, make_scene(self.study, settings), "elastune", case.ranks)
             record = self.records.of(key_of(reference))[0]
             if not record.converged:
                 raise UserError(f"{self.study.name}.toml: reference {reference.key}: {record.entries['message']}")
@@ -161,18 +160,18 @@ class Comparison:
         names = [name for name in self._names() if name in NORMS or name == plot]
         yield f"{self.study.title}. Error of {plot}; seconds to reach it."
         yield ""
-        panels = [self.study.panels] if self.study.panels else []
+        panels = ["case"] if self.study.panels else []
         head = ["curve", *panels, *(f"order of {name}" for name in names), "least error", "unknowns"]
         head += [f"to {100 * tolerance:g} %" for tolerance in tolerances]
         yield f"| {' | '.join(head)} |"
         yield f"|{'---|' * len(head)}"
         for curve in self.curves:
             if not curve.points:
-                row = [curve.name, *([str(curve.panel)] if panels else []), *curve.lost[:1]]
+                row = [curve.name, *([curve.panel] if panels else []), *curve.lost[:1]]
                 yield f"| {' | '.join(row)} |" + " |" * (len(head) - len(row))
                 continue
             finest = curve.points[-1]
-            cells = [curve.name, *([str(curve.panel)] if panels else []), *(f"{curve.order(name):.2f}" for name in names)]
+            cells = [curve.name, *([curve.panel] if panels else []), *(_number(curve.order(name)) for name in names)]
             cells += [f"{finest.errors.get(plot, math.nan):.2g}", f"{finest.dofs:,}"]
             cells += [self._price(curve, tolerance) for tolerance in tolerances]
             yield f"| {' | '.join(cells)} |"
@@ -183,4 +182,8 @@ class Comparison:
             return f"{seconds:.2g}"
         timed_out = any(text.startswith("timeout") for text in curve.lost)
         return f"not in {self.study.timeout:g} s" if timed_out else "-"
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "-"
 

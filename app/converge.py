@@ -56,7 +56,7 @@ def references_of(study: Study, case: Case) -> list[Case]:
     if not study.reference.overkill:
         return []
     return [
-        Case(REFERENCE, settings, make_scene(study, settings), "elastune", case.ranks)
+        Case(REFERENCE, "", settings, make_scene(study, settings), "elastune", case.ranks)
         for settings in overkill(study, case)
     ]
 
@@ -120,8 +120,8 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
 
 def _line(study: Study, case: Case, record: Record) -> str:
     entries = record.entries
-    telling = {name: value for name, value in case.settings.items() if name in (*REFINEMENT, study.panels)}
-    head = ", ".join([case.curve, *(f"{name} = {value}" for name, value in telling.items())])
+    telling = {name: value for name, value in case.settings.items() if name in REFINEMENT}
+    head = ", ".join([case.curve, *([case.panel] if case.panel else []), *(f"{name} = {value}" for name, value in telling.items())])
     if not record.converged:
         return f"{head}: {entries['status']}: {entries['message']}"
     value = record.values.get(study.plot, float("nan"))

@@ -1,4 +1,6 @@
-"""What a person is told when something cannot be done: one line, and an exit status."""
+"""What goes wrong, by type: bad input is told in one line, and the solvers say where they stopped."""
+
+from typing import Any
 
 
 class UserError(Exception):
@@ -7,3 +9,18 @@ class UserError(Exception):
 
 class SceneError(UserError):
     """A scene that cannot be run."""
+
+
+class NotConverged(Exception):
+    """The minimiser stopped short.
+
+    Attributes:
+        kind: One word: "undefined", "indefinite", "stalled", "iterations", "linear", "time",
+            "saddle".
+        values: The state where it stopped, a vector of the problem, or None.
+    """
+
+    def __init__(self, kind: str, message: str, values: Any = None) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.values = values

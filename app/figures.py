@@ -97,7 +97,7 @@ def _abscissa(point: Point, label: str) -> float:
     return point.memory_mb if "memory" in label else point.h
 
 
-def _dress(axes: Any, study: Study, panel: Any, label: str, titled: bool) -> None:
+def _dress(axes: Any, study: Study, panel: str, label: str, titled: bool) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel(label)
@@ -105,8 +105,7 @@ def _dress(axes: Any, study: Study, panel: Any, label: str, titled: bool) -> Non
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     if titled:
-        key = str(study.panels).rpartition(".")[2]
-        axes.set_title(f"{'ν' if key == 'nu' else key} = {panel}" if not isinstance(panel, str) else panel, fontsize=10)
+        axes.set_title(panel, fontsize=10)
     if "time" not in label:
         return
     low, high = axes.get_ylim()

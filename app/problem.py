@@ -104,6 +104,21 @@ class Problem:
         """Number of degrees of freedom of this rank."""
         return self.owned_displacements + self.owned_pressures
 
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and largest coordinates of the body at rest, shape (d,) each."""
+        points = self.V.tabulate_dof_coordinates()[:, : self.dimension]
+        low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+        self.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
+        self.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
+        return low, high
+
+    @cached_property
+    def extent(self) -> float:
+        """Largest extent of the body at rest along an axis."""
+        low, high = self.bounds
+        return float((high - low).max())
+
     # ------------------------------------------------------------------ layout of a vector
 
     def joined(self, displacements: Array, pressures: Array | None = None) -> Array:
@@ -161,7 +176,23 @@ class Problem:
             else:
                 self.conditions.append(fem.dirichletbc(self._motion, blocks))
                 held[(blocks[:, None] * d + np.arange(d)).ravel()] = True
+        pins = self._pinned()
+        if self.comm.allreduce(len(pins)):
+            self.conditions.append(fem.dirichletbc(self._motion, pins))
+            held[(pins[:, None] * d + np.arange(d)).ravel()] = True
         self.held = self.joined(held)
+
+    def _pinned(self) -> NDArray[np.int32]:
+        """Nodes on this rank, owned and ghost, at the points that the start pins."""
+        points = self.V.tabulate_dof_coordinates()[:, : self.dimension]
+        near = 1e-6 * self.extent
+        found = [np.empty(0, dtype=np.int32)]
+        for pin in self.scene.start.pins if self.scene.start is not None else []:
+            nodes = np.flatnonzero(np.linalg.norm(points - np.array(pin), axis=1) < near)
+            if not self.comm.allreduce(len(nodes)):
+                raise SceneError(f"start.pins: {pin} is no node of the mesh")
+            found.append(nodes.astype(np.int32))
+        return np.concatenate(found)
 
     def _component_dofs(self, face: str, i: int) -> NDArray[np.int32]:
         """Unrolled indices of one displacement component on a face."""

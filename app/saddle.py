@@ -1,6 +1,7 @@
 """Newton's method for mixed elements: Π(u, p) is least in the displacement and greatest in the pressure."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import dolfinx.fem.petsc
@@ -9,9 +10,14 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
+from app.errors import NotConverged
 from app.problem import Array, Problem
-from app.solve import DIRECT_LIMIT, Count, NotConverged, rigid_motions
+from app.solve import DIRECT_LIMIT, Count, rigid_motions
 from forms.mixed import MixedPotential
+
+
+# Iterations of FGMRES; 30 to 60 are usual, and a tangent that takes more is likely not to be one of descent.
+LONGEST = 200
 
 
 class Convexity(NamedTuple):
@@ -63,7 +69,7 @@ class SaddlePoint:
         linear = problem.scene.solve.linear
         self.direct = linear == "direct" or (linear == "auto" and problem.size <= DIRECT_LIMIT)
         self.ksp = PETSc.KSP().create(problem.comm)
-        self.matrix: PETSc.Mat = None if self.direct else self._nest
+        self.matrix = PETSc.Mat() if self.direct else self._nest
         if self.direct:
             self._configure_direct()
         else:
@@ -85,11 +91,11 @@ class SaddlePoint:
         bulk = self.problem.split.bulk if self.problem.split is not None else np.inf
         mass.scale(-(1 / self.potential.shear_modulus + 1 / bulk))
         self.ksp.setType("fgmres")
-        self.ksp.setGMRESRestart(100)
-        self.ksp.setTolerances(max_it=500)
+        self.ksp.setGMRESRestart(LONGEST)
+        self.ksp.setTolerances(max_it=LONGEST)
         pc = self.ksp.getPC()
         pc.setType("fieldsplit")
-        rows, _ = self._nest.getISs()
+        rows, _ = self._nest.getNestISs()
         pc.setFieldSplitIS(("u", rows[0]), ("p", rows[1]))
         pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
         pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
@@ -110,6 +116,8 @@ class SaddlePoint:
             matrix.zeroEntries()
             for form in terms:
                 dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
+                # Zeros inserted on the diagonal and what the next form adds must not meet.
+                matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
             matrix.assemble()
         stiffness = self._blocks[0][0]
         # A diagonal of the size of the others keeps the prescribed rows out of the conditioning.
@@ -132,7 +140,7 @@ class SaddlePoint:
         self.ksp.solve(b, y)
         self.count.linear += max(self.ksp.getIterationNumber(), 1)
         pc = self.ksp.getPC()
-        if self.ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+        if self.ksp.getConvergedReason() < 0:
             return None
         counted = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
         if counted and pc.getFactorMatrix().getMumpsInfog(12) != self._pressures:
@@ -159,19 +167,18 @@ class SaddlePoint:
         problem.potential.load.value = load
         residual = problem.residual_at(values)
         residual[problem.held] = 0.0
-        for convexity in self._ladder(0):
+        for convexity in self._ladder:
             self.assemble(convexity)
-            step = self.linear_solve(problem.lift(increment) - residual, 1e-6)
+            step = self.linear_solve(problem.lift(increment) - residual, 1e-4)
             if step is not None:
                 return values + increment + step
         raise NotConverged("indefinite", "the prediction's tangent has negative eigenvalues, however filtered")
 
-    def _ladder(self, rung: int) -> Iterator[Convexity]:
+    @cached_property
+    def _ladder(self) -> list[Convexity]:
         """From the true tangent to more and more convex ones."""
-        filters = ["clamp"] if self.potential.can_filter else ["none"]
-        rungs = [Convexity("none", 0.0), *(Convexity(name, 0.0) for name in filters if name == "clamp")]
-        rungs += [Convexity(filters[0], share) for share in (0.25, 1.0, 4.0)]  # type: ignore[arg-type]
-        yield from rungs[rung:]
+        filtering: Literal["none", "clamp"] = "clamp" if self.potential.can_filter else "none"
+        return [Convexity("none", 0.0), *(Convexity(filtering, share) for share in (0.0, 0.25, 1.0, 4.0, 16.0))]
 
     def minimize(self, values: Array) -> Array:
         """The equilibrium from a state whose prescribed displacements are right.
@@ -192,8 +199,10 @@ class SaddlePoint:
                 return values
             if iteration == solve.max_iterations:
                 raise NotConverged("iterations", f"{iteration} Newton steps, residual {error:.1e}")
-            forcing = 1e-2 if previous is None else min(1e-2, max(0.1 * (error / previous) ** 2, 1e-8))
-            values, rung = self._step(values, residual, forcing, rung)
+            # As exact as a quadratic step deserves, and no more than the tolerance asks for.
+            wanted = 1e-2 if previous is None else 0.1 * (error / previous) ** 2
+            forcing = min(1e-2, max(wanted, 0.1 * solve.tolerance / error))
+            values, rung = self._step(values, residual, error, forcing, rung)
             self.count.newton += 1
             previous = error
         raise AssertionError("unreachable")
@@ -220,53 +229,61 @@ class SaddlePoint:
         """Square of a volume strain's norm, ∫θ² of its values at the pressures' nodes."""
         return self.problem.comm.allreduce(float(strains @ (strains / self._volumes)))
 
-    def _step(self, values: Array, residual: Array, forcing: float, rung: int) -> tuple[Array, int]:
-        """The state after a step, and the rung of the ladder to start the next one from."""
-        for number, convexity in enumerate(self._ladder(rung), start=rung):
+    def _step(self, values: Array, residual: Array, error: float, forcing: float, rung: int) -> tuple[Array, int]:
+        """The state after a step, and the rung of the ladder to start from where the true tangent fails next."""
+        for number in (0, *range(max(1, rung), len(self._ladder))):
             self.problem.set_state(values)
-            self.assemble(convexity)
+            self.assemble(self._ladder[number])
             step = self.linear_solve(-residual, forcing)
-            length = None if step is None else self._length(values, step)
+            length = None if step is None else self._length(values, step, error)
             if step is not None and length is not None:
-                return values + length * step, 0 if length == 1.0 else number
+                return values + length * step, number - 1
         raise NotConverged("stalled", "no step lowers the augmented energy, however convex the tangent is made")
 
-    def _length(self, values: Array, step: Array) -> float | None:
-        """The length of a step that lowers the merit by Armijo's rule; None if there is none."""
+    def _length(self, values: Array, step: Array, error: float) -> float | None:
+        """The length of a step that lowers the merit by Armijo's rule; None if there is none.
+
+        Without a potential (follower pressure) the relative error is the merit.
+        """
+        if not self.potential.loads.conservative:
+            return _backtrack(lambda length: self._residual(values + length * step)[1], error, -error, 0.0)
         problem = self.problem
         n, owned = problem.owned_displacements, problem.owned
-        conservative = self.potential.loads.conservative
-        if not conservative:
-            return 1.0
         aim = values.copy()
         aim[n:owned] += step[n:owned]
-        motion = problem.with_displacements(np.zeros_like(step), problem.displacements(step))
+        motion = problem.joined(problem.displacements(step))
         residual = problem.residual_at(aim)
         slope = problem.dot(residual, motion)
         squared = self._squared(residual[n:owned])
         weight = self.potential.shear_modulus
         if slope > 0:
+            # Of a tangent whose eigenvalues nobody counted, a large weight is a sign that they are wrong.
+            limit = np.inf if self.direct else 10 * weight
             weight = max(weight, 2 * slope / squared) if squared > 0 else np.inf
-        if not np.isfinite(weight):
-            return None
+            if not weight < limit:
+                return None
 
         def merit(length: float) -> float:
             trial = aim + length * motion
             strains = problem.residual_at(trial)[n:owned]
             return problem.energy_at(trial) + weight / 2 * self._squared(strains)
 
-        slope -= weight * squared
         start = problem.energy_at(aim) + weight / 2 * squared
-        rounding = 1e-13 * abs(start) + 1e-16
-        length = 1.0
-        for _ in range(30):
-            value = merit(length)
-            if np.isfinite(value):
-                if value <= start + 1e-4 * length * slope + rounding:
-                    return length
-                curvature = 2 * (value - start - length * slope)
-                best = -slope * length**2 / curvature if curvature > 0 else 0.5 * length
-                length = float(np.clip(best, 0.1 * length, 0.5 * length))
-            else:
-                length *= 0.5
-        return None
+        return _backtrack(merit, start, slope - weight * squared, 1e-13 * abs(start) + 1e-16)
+
+
+def _backtrack(merit: Callable[[float], float], start: float, slope: float, rounding: float) -> float | None:
+    """The first of 1 and shorter lengths that lowers a merit by Armijo's rule, or None."""
+    length = 1.0
+    for _ in range(30):
+        value = merit(length)
+        if not np.isfinite(value):
+            length *= 0.5
+            continue
+        if value <= start + 1e-4 * length * slope + rounding:
+            return length
+        # The minimum of the parabola through what is known.
+        curvature = 2 * (value - start - length * slope)
+        best = -slope * length**2 / curvature if curvature > 0 else 0.5 * length
+        length = float(np.clip(best, 0.1 * length, 0.5 * length))
+    return None

@@ -54,11 +54,13 @@ class Solve(_Table):
     steps: Count = 10
     tolerance: PositiveFloat = 1e-8
     max_iterations: Count = 60
+    method: Literal["line-search", "trust-region"] = "line-search"
     filter: Literal["auto", "none", "clamp", "absolute"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
     assembly: Literal["auto", "ufl", "spectral"] = "auto"
     quadrature: Count | None = None
     smallest_step: PositiveFloat = 1e-4
+    time_limit: PositiveFloat | None = None
 
 
 class Material(_Table):
@@ -132,6 +134,22 @@ class Body(_Table):
     force: Vector
 
 
+class Start(_Table):
+    """The shape from which the first load step sets out, instead of the body at rest.
+
+    scramble: every node at random in the body's bounding box, enlarged about its centre to `volume` times its
+    volume. plane, line, point: collapsed onto the plane through the centre across `axis`, the line along it, or
+    the centre. inside-out: mirrored in that plane. pins: points of the body whose nodes stay where they are at
+    rest, from start to end.
+    """
+
+    shape: Literal["scramble", "plane", "line", "point", "inside-out"]
+    seed: Annotated[int, Field(ge=0)] = 0
+    volume: PositiveFloat = 2.0
+    axis: Literal["x", "y", "z"] = "x"
+    pins: list[Vector] = []
+
+
 class Output(_Table):
     """What is written beside `summary.json` and `history.csv`."""
 
@@ -148,6 +166,7 @@ class Scene(_Table):
     material: Material
     boundary: dict[str, Condition] = {}
     body: Body | None = None
+    start: Start | None = None
     output: Output = Output()
     name: str = Field(default="scene", exclude=True)
 
@@ -310,6 +329,7 @@ def _check(scene: Scene) -> None:
         )
     _check_conditions(scene)
     energy = material_energy(scene)
+    _check_start(scene, energy)
     if scene.material.extension is not None and element.pressure is not None:
         raise SceneError(f'material.extension: not for mixed elements, got solve.element = "{scene.element}"')
     if scene.material.extension is not None and not energy.objective:
@@ -341,11 +361,27 @@ def _check_conditions(scene: Scene) -> None:
             raise SceneError(f"boundary.{face}.rotate.axis = {value.axis}: expected a vector other than zero")
     if dimension and scene.body and len(scene.body.force) != dimension:
         raise SceneError(f"body.force = {scene.body.force}: expected {dimension} components")
-    if not any(condition.holds for condition in scene.boundary.values()):
+    pinned = scene.start is not None and bool(scene.start.pins)
+    if not pinned and not any(condition.holds for condition in scene.boundary.values()):
         raise SceneError("boundary: nothing holds the body; expected fix, move, rotate or roller on some face")
     loaded = scene.body is not None and any(scene.body.force)
-    if not loaded and not any(condition.loads for condition in scene.boundary.values()):
+    if scene.start is None and not loaded and not any(condition.loads for condition in scene.boundary.values()):
         raise SceneError("boundary: nothing loads the body; expected move, rotate, pull or pressure on some face")
+
+
+def _check_start(scene: Scene, energy: Any) -> None:
+    start = scene.start
+    if start is None:
+        return
+    for pin in start.pins:
+        if scene.mesh.dimension and len(pin) != scene.mesh.dimension:
+            raise SceneError(f"start.pins: expected points of {scene.mesh.dimension} coordinates, got {pin}")
+    if scene.mesh.dimension == 2 and start.axis == "z":
+        raise SceneError('start.axis = "z": expected x or y in 2D')
+    if ELEMENTS[scene.element].pressure is not None:
+        raise SceneError(f'start: not for mixed elements, got solve.element = "{scene.element}"')
+    if not energy.inverts and scene.material.extension is None:
+        raise SceneError(f"start.shape: {energy.name} is undefined for J <= 0; give material.extension, e.g. 0.25")
 
 
 def material_energy(scene: Scene) -> Any:

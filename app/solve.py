@@ -1,43 +1,40 @@
-"""Minimises Π at one load: PETSc's SNES around Newton's method with an energy line search."""
+"""Minimises Π at one load: PETSc's SNES around Newton's method with an energy line search, or a trust region."""
 
-from dataclasses import dataclass
-from typing import Any, Literal
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 import dolfinx.fem.petsc
 import numpy as np
 from petsc4py import PETSc
 
+from app.errors import NotConverged
+from app.newton import Count, Filter, Newton
 from app.problem import Array, Problem
 
 # Above this many unknowns a factorisation in 3D costs more than CG with algebraic multigrid.
 DIRECT_LIMIT = 60_000
 
+# The trust region hands over where the forces have fallen to this share: the differences of the energy that it
+# lives on are lost in rounding near the minimum, where Newton's method needs no help.
+HANDOVER = 1e-4
 
-class NotConverged(Exception):
-    """The minimiser stopped short.
-
-    Attributes:
-        kind: One word: "undefined", "indefinite", "stalled", "iterations", "linear".
-    """
-
-    def __init__(self, kind: str, message: str) -> None:
-        super().__init__(message)
-        self.kind = kind
-
-
-@dataclass
-class Count:
-    """What was spent."""
-
-    newton: int = 0
-    linear: int = 0
+__all__ = ["DIRECT_LIMIT", "Count", "Minimizer", "NotConverged", "rigid_motions"]
 
 
 class Minimizer:
     """Finds the displacement of least Π under prescribed displacements.
 
-    SNES holds the state, the norms and the reasons; the method is ours (`_Newton`) unless PETSc's options name
-    another with -snes_type.
+    SNES holds the state, the norms and the reasons; the method is ours (`Newton`) unless the scene asks for a
+    trust region or PETSc's options name another with -snes_type.
+
+    The trust region is SNES's, with Steihaug's conjugate gradients on the raw tangent: they follow negative
+    curvature to the region's edge instead of filtering it away. The filtered tangent is their preconditioner,
+    so that near the minimum, where both agree, one factorisation gives the step.
+
+    Reference:
+        Steihaug 1983, SIAM J. Numer. Anal. 20:626.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -45,24 +42,50 @@ class Minimizer:
         self.problem = problem
         self.count = Count()
         solve = problem.scene.solve
-        comm = problem.comm
-        self.matrix = dolfinx.fem.petsc.create_matrix(problem.potential.tangent[0])
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, problem.potential.loads.conservative)
-        self.direct = solve.linear == "direct" or solve.linear == "auto" and problem.size <= DIRECT_LIMIT
+        self._deadline = None if solve.time_limit is None else time.monotonic() + solve.time_limit
+        self.direct = solve.linear == "direct" or (solve.linear == "auto" and problem.size <= DIRECT_LIMIT)
+        self.matrix = self._create_matrix()
         self.x = _vector(problem)
-        self.f = self.x.duplicate()
+        self._failure: NotConverged | None = None
+        self._until: Callable[[], bool] | None = None
 
-        self.snes = PETSc.SNES().create(comm)
-        self.snes.setFunction(self._function, self.f)
-        self.snes.setJacobian(self._jacobian, self.matrix)
-        if problem.potential.loads.conservative:
-            self.snes.setObjective(self._objective)
-        self.newton = _Newton(self)
+        self.snes = self._create_snes(self.matrix)
         self.snes.setType("python")
-        self.snes.setPythonContext(self.newton)
-        self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=solve.max_iterations)
-        _configure(self.snes.getKSP(), problem, self.matrix, self.direct)
+        self.snes.setPythonContext(self)
+        _configure(self.snes.getKSP(), problem, self.direct)
         self.snes.setFromOptions()
+
+    def _create_matrix(self) -> PETSc.Mat:
+        matrix = dolfinx.fem.petsc.create_matrix(self.problem.potential.tangent[0])
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.problem.potential.loads.conservative)
+        if not self.direct:
+            matrix.setNearNullSpace(rigid_motions(self.problem))
+        return matrix
+
+    def _create_snes(self, preconditioner: PETSc.Mat) -> PETSc.SNES:
+        problem = self.problem
+        snes = PETSc.SNES().create(problem.comm)
+        snes.setFunction(self._function, self.x.duplicate())
+        snes.setJacobian(self._jacobian, self.matrix, preconditioner)
+        if problem.potential.loads.conservative:
+            snes.setObjective(self._objective)
+        snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=problem.scene.solve.max_iterations)
+        return snes
+
+    @cached_property
+    def _trust_region(self) -> PETSc.SNES:
+        snes = self._create_snes(self._create_matrix())
+        snes.setOptionsPrefix("trust_")
+        snes.setType("newtontr")
+        snes.setConvergenceTest(self._in_balance)
+        ksp, pc = snes.getKSP(), snes.getKSP().getPC()
+        ksp.setType("stcg")
+        ksp.setTolerances(rtol=1e-2, max_it=200)
+        pc.setType("cholesky" if self.direct else "gamg")
+        if self.direct:
+            pc.setFactorSolverType("mumps")
+        snes.setFromOptions()
+        return snes
 
     # ------------------------------------------------------------------ SNES callbacks
 
@@ -72,20 +95,68 @@ class Minimizer:
         return values
 
     def _objective(self, snes: PETSc.SNES, x: PETSc.Vec) -> float:
-        return self.problem.energy_at(self._full(x))
+        energy = self.problem.energy_at(self._full(x))
+        return energy if np.isfinite(energy) else np.inf
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         residual = self.problem.residual_at(self._full(x))
+        self._scale = max(self._scale, self.problem.norm(residual))
         residual[self.problem.held] = 0.0
         f.array[:] = residual[: self.problem.owned]
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         self.problem.set_state(self._full(x))
         self.assemble("none")
+        if preconditioner.handle != matrix.handle:
+            self.assemble("clamp" if self.problem.potential.can_filter else "none", preconditioner)
 
-    def assemble(self, filtering: Literal["none", "clamp", "absolute"]) -> None:
-        """Assembles the tangent at the current state, rows and columns of prescribed displacements aside."""
-        problem, matrix = self.problem, self.matrix
+    def _in_balance(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
+        solve = self.problem.scene.solve
+        try:
+            self._check_time()
+        except NotConverged as failure:
+            self._failure = failure
+            return PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_COUNT
+        if norms[2] <= max(HANDOVER, solve.tolerance) * self._scale:
+            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
+        self.problem.set_state(self._full(snes.getSolution()))
+        if self._until is not None and self._until():
+            return PETSc.SNES.ConvergedReason.CONVERGED_ITS
+        return PETSc.SNES.ConvergedReason.CONVERGED_ITERATING
+
+    def solve(self, snes: PETSc.SNES, b: Any, x: PETSc.Vec) -> None:
+        """SNES's call to the type "python"; leaves the solution in x, or the reason in `_failure`."""
+
+        def monitor(iteration: int, norm: float) -> None:
+            self._check_time()
+            snes.setIterationNumber(iteration)
+            snes.setFunctionNorm(norm)
+            snes.monitor(iteration, norm)
+
+        try:
+            values = Newton(self, self._full(x)).run(monitor, self._until)
+            x.array[:] = values[: self.problem.owned]
+            snes.setConvergedReason(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
+        except NotConverged as failure:
+            self._failure = failure
+            snes.setConvergedReason(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
+
+    def _check_time(self) -> None:
+        if self._deadline is None:
+            return
+        late = time.monotonic() > self._deadline
+        if self.problem.comm.allreduce(late):
+            limit = self.problem.scene.solve.time_limit
+            raise NotConverged("time", f"stopped after the {limit:g} s of solve.time_limit", self.problem.state)
+
+    def assemble(self, filtering: Filter, into: PETSc.Mat | None = None) -> None:
+        """Assembles the tangent at the current state, rows and columns of prescribed displacements aside.
+
+        Args:
+            filtering: What is done to negative eigenvalues, point by point.
+            into: The matrix; by default the one that `linear_solve` reads.
+        """
+        problem, matrix = self.problem, self.matrix if into is None else into
         problem.potential.set_filter(filtering)
         matrix.zeroEntries()
         for form in problem.potential.tangent:
@@ -126,26 +197,48 @@ class Minimizer:
             raise NotConverged("indefinite", "the prediction's tangent is not positive definite")
         return np.where(problem.held, values + increment, values + step)
 
-    def minimize(self, values: Array) -> Array:
+    def minimize(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
         """The minimiser from a state whose prescribed displacements are right.
+
+        Args:
+            values: The state.
+            until: Stops early where it holds of the problem's state.
 
         Raises:
             NotConverged: With the kind of failure; the problem's state is then of no use.
         """
+        if self.problem.scene.solve.method == "trust-region":
+            values = self.roam(values, until)
+        return self._solve(self.snes, values, until)
+
+    def roam(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
+        """Goes by the trust region to where Newton's method can take over.
+
+        Raises:
+            NotConverged: If it does not get there, or the loads have no potential.
+        """
+        if not self.problem.potential.loads.conservative:
+            raise NotConverged("undefined", "a trust region needs loads with a potential", values)
+        return self._solve(self._trust_region, values, until)
+
+    def _solve(self, snes: PETSc.SNES, values: Array, until: Callable[[], bool] | None) -> Array:
         self.x.array[:] = values[: self.problem.owned]
-        self.newton.failure = None
-        self.snes.solve(None, self.x)
-        if self.newton.failure is not None:
-            raise self.newton.failure
-        reason = self.snes.getConvergedReason()
-        if reason < 0:
-            raise NotConverged("stalled", f"SNES stopped with reason {reason}")
-        if self.snes.getType() != "python":
-            self.count.newton += self.snes.getIterationNumber()
-            self.count.linear += self.snes.getLinearSolveIterations()
+        self._failure, self._until, self._scale = None, until, 0.0
+        try:
+            snes.solve(None, self.x)
+        finally:
+            if snes.getType() != "python":
+                self.count.newton += snes.getIterationNumber()
+                self.count.linear += snes.getLinearSolveIterations()
+        if self._failure is not None:
+            raise self._failure
         result = self._full(self.x)
         self.problem.set_state(result)
-        return self.problem.u.x.array.copy()
+        reason = snes.getConvergedReason()
+        if reason < 0:
+            kind = "iterations" if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT else "stalled"
+            raise NotConverged(kind, f"SNES {snes.getType()} stopped with reason {reason}", self.problem.state)
+        return self.problem.state
 
     def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
         """Solves with the assembled tangent; None if it turned out not to be positive definite."""
@@ -170,6 +263,14 @@ class Minimizer:
         step[: problem.owned] = y.array_r
         return step if np.isfinite(problem.norm(step)) else None
 
+    def is_minimum(self) -> bool:
+        """Whether the tangent at the problem's state is positive definite, as far as its solver can tell."""
+        values = self.problem.state
+        self.assemble("none")
+        # Conjugate gradients find a negative eigenvalue only where the right-hand side has a share of its vector.
+        rhs = np.where(self.problem.held, 0.0, np.random.default_rng(0).standard_normal(len(values)))
+        return self.linear_solve(rhs, 1e-3) is not None
+
     def _negative_pivots(self) -> int:
         """Sylvester: as many as the tangent has negative eigenvalues."""
         pc = self.snes.getKSP().getPC()
@@ -182,7 +283,7 @@ def _vector(problem: Problem) -> PETSc.Vec:
     return PETSc.Vec().createMPI((problem.owned, problem.size), bsize=problem.dimension, comm=problem.comm)
 
 
-def _configure(ksp: PETSc.KSP, problem: Problem, matrix: PETSc.Mat, direct: bool) -> None:
+def _configure(ksp: PETSc.KSP, problem: Problem, direct: bool) -> None:
     pc = ksp.getPC()
     if direct:
         ksp.setType("preonly")
@@ -192,7 +293,6 @@ def _configure(ksp: PETSc.KSP, problem: Problem, matrix: PETSc.Mat, direct: bool
     ksp.setType("cg" if problem.potential.loads.conservative else "gmres")
     ksp.setTolerances(max_it=2000)
     pc.setType("gamg")
-    matrix.setNearNullSpace(rigid_motions(problem))
 
 
 def rigid_motions(problem: Problem) -> PETSc.NullSpace:
@@ -203,144 +303,3 @@ def rigid_motions(problem: Problem) -> PETSc.NullSpace:
     points = problem.V.tabulate_dof_coordinates()[:nodes, : problem.dimension]
     coordinates.array[:] = points.ravel()
     return PETSc.NullSpace().createRigidBody(coordinates)
-
-
-class _Newton:
-    """Newton's method for a minimum, as a SNES type.
-
-    The raw tangent serves where it is positive definite and the filtered one where it is not: the last steps
-    are then quadratic, and every step goes downhill.
-    """
-
-    def __init__(self, owner: Minimizer) -> None:
-        self.owner = owner
-        self.failure: NotConverged | None = None
-
-    def solve(self, snes: PETSc.SNES, b: Any, x: PETSc.Vec) -> None:
-        """Called by SNES; leaves the solution in x, or the reason in `failure`."""
-        try:
-            self._iterate(snes, x)
-        except NotConverged as failure:
-            self.failure = failure
-            snes.setConvergedReason(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
-
-    def _iterate(self, snes: PETSc.SNES, x: PETSc.Vec) -> None:
-        owner, problem = self.owner, self.owner.problem
-        solve = problem.scene.solve
-        values = owner._full(x)
-        problem.set_state(values)
-        values = problem.u.x.array.copy()
-        merit = _Merit(problem, values)
-        wanted = "none" if solve.filter == "auto" else solve.filter
-        previous = None
-        for iteration in range(solve.max_iterations + 1):
-            norm = problem.norm(merit.gradient)
-            snes.setIterationNumber(iteration)
-            snes.setFunctionNorm(norm)
-            snes.monitor(iteration, norm)
-            # Relative to the largest forces on the way: those at the prescribed displacements are among them.
-            if norm <= solve.tolerance * merit.scale:
-                x.array[:] = merit.values[: problem.owned]
-                snes.setConvergedReason(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
-                return
-            if iteration == solve.max_iterations:
-                raise NotConverged("iterations", f"{iteration} Newton steps, residual {norm / merit.scale:.1e}")
-            forcing = 1e-2 if previous is None else min(1e-2, max(0.1 * (norm / previous) ** 2, 1e-8))
-            step, used = self._direction(merit, wanted, forcing)
-            length = merit.search(step)
-            owner.count.newton += 1
-            if length is None and used == "none" and solve.filter == "auto" and problem.potential.can_filter:
-                step, used = self._direction(merit, "clamp", forcing)
-                length = merit.search(step)
-            if length is None:
-                raise NotConverged("stalled", f"no step lowers the energy, residual {norm / merit.scale:.1e}")
-            # Where the raw tangent failed it will likely fail again, until the steps are taken whole.
-            if solve.filter == "auto":
-                wanted = "none" if used == "none" or length == 1.0 else "clamp"
-            previous = norm
-
-    def _direction(self, merit: "_Merit", wanted: str, forcing: float) -> tuple[Array, str]:
-        """A descent direction, and the filter that gave it."""
-        owner, problem = self.owner, self.owner.problem
-        filters = [wanted] if wanted != "none" or problem.scene.solve.filter != "auto" else ["none", "clamp"]
-        if not problem.potential.can_filter:
-            filters = ["none"]
-        for name in filters:
-            problem.set_state(merit.values)
-            owner.assemble(name)  # type: ignore[arg-type]
-            step = owner.linear_solve(-merit.gradient, forcing)
-            if step is None:
-                continue
-            step[problem.held] = 0.0
-            if not merit.conservative or problem.dot(merit.gradient, step) < 0:
-                return step, name
-        raise NotConverged("indefinite", "the tangent is not positive definite, and no filter is left to try")
-
-
-class _Merit:
-    """Π and its gradient at the iterate, and the line search along a step.
-
-    Without a potential (follower pressure) the residual's norm takes the energy's place.
-    """
-
-    def __init__(self, problem: Problem, values: Array) -> None:
-        self.problem = problem
-        self.conservative = problem.potential.loads.conservative
-        self.values = values
-        self.scale = 0.0
-        self.gradient = self._gradient(values)
-        self.value = self._value(values, self.gradient)
-        if not np.isfinite(self.value):
-            raise NotConverged("undefined", "the energy is not finite at the start of the step")
-
-    def _gradient(self, values: Array) -> Array:
-        problem = self.problem
-        internal = problem.force_at(values, problem.potential.internal)
-        gradient = internal
-        if problem.potential.external:
-            external = problem.force_at(values, problem.potential.external)
-            self.scale = max(self.scale, problem.norm(external))
-            gradient = internal + external
-        else:
-            gradient = internal.copy()
-        self.scale = max(self.scale, problem.norm(internal))
-        gradient[problem.held] = 0.0
-        return gradient
-
-    def _value(self, values: Array, gradient: Array) -> float:
-        if self.conservative:
-            return self.problem.energy_at(values)
-        return 0.5 * self.problem.norm(gradient) ** 2
-
-    def search(self, step: Array) -> float | None:
-        """Moves along a step; its accepted length, or None if no length lowers the merit.
-
-        Backtracking with the sufficient decrease of Armijo; where the decrease drowns in the rounding of Π the
-        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005).
-        """
-        problem = self.problem
-        slope = problem.dot(self.gradient, step) if self.conservative else -2 * self.value
-        rounding = 1e-14 * abs(self.value) + 1e-16
-        length = 1.0
-        for _ in range(30):
-            trial = self.values + length * step
-            value = problem.energy_at(trial) if self.conservative else np.nan
-            gradient = None
-            if not self.conservative:
-                gradient = self._gradient(trial)
-                value = self._value(trial, gradient)
-            if np.isfinite(value):
-                accepted = value <= self.value + 1e-4 * length * slope
-                if not accepted and self.conservative and value <= self.value + rounding:
-                    gradient = self._gradient(trial)
-                    accepted = abs(problem.dot(gradient, step)) <= 0.9 * abs(slope)
-                if accepted:
-                    self.values, self.value = trial, value
-                    self.gradient = self._gradient(trial) if gradient is None else gradient
-                    return length
-                curvature = 2 * (value - self.value - length * slope)
-                best = -slope * length**2 / curvature if curvature > 0 else 0.5 * length
-                length = float(np.clip(best, 0.1 * length, 0.5 * length))
-            else:
-                length *= 0.5
-        return None

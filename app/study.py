@@ -167,7 +167,11 @@ def load_study(source: str) -> Study:
         study = Study.model_validate({**data, "name": path.stem})
     except ValidationError as error:
         raise StudyError(f"{path.name}: {_first(error)}") from None
-    if isinstance(study.scene, str):
+    if isinstance(study.scene, dict):
+        mesh = study.scene.get("mesh", {})
+        if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
+            mesh["path"] = str(path.parent / mesh["path"])
+    else:
         near = path.parent / study.scene
         scene = load(str(near) if near.is_file() else study.scene)
         study = study.model_copy(update={"scene": scene.model_dump(exclude_unset=True)})

@@ -1,6 +1,6 @@
 """Π(u): strain energy less the work of the loads, with its residual and tangent as compiled forms."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from forms.energy import Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
+from forms.spectral import SpectralForms, fastest
 
 Form = Any
 
@@ -47,6 +48,7 @@ class Potential:
         strain_energy: ∫ψ dX.
         work: -t (∫b·u dX + ∫T·u dA).
         tangent: Derivative of `internal` and `external` together.
+        parameters: Values of the material's parameters in the order of `Energy.constants`; may be changed.
     """
 
     def __init__(
@@ -68,7 +70,7 @@ class Potential:
             loads: At full load.
             facet_tags: Where the loads are.
             assembly: "ufl" for forms differentiated by UFL, "spectral" for the compiled stretch-space kernel,
-                "auto" for the faster of the two that is exact at repeated stretches.
+                "auto" for the kernel's tangent, which can be filtered, and the faster of the two beside it.
             extension: Stretch below which a singular energy is continued; spectral only.
         """
         mesh = u.function_space.mesh
@@ -84,32 +86,42 @@ class Potential:
         self.external = [fem.form(term) for term in (_derivative(work, u, v), follower) if term is not None]
         loads_tangent = [fem.form(ufl.derivative(follower, u, w))] if follower is not None else []
 
-        spectral = assembly == "spectral" or extension is not None or assembly == "auto" and energy.objective
-        if spectral:
-            from forms.spectral import SpectralForms
+        by = _assembled_by(assembly, energy, u, extension)
+        kernel = SpectralForms(energy, u, quadrature_degree, extension) if "spectral" in by.values() else None
+        self._kernel = kernel
+        self.parameters = fem.Constant(mesh, np.array(energy.constants())) if kernel is None else kernel.constants
+        named = energy.unpack([self.parameters[i] for i in range(len(energy.constants()))])
+        psi = energy.density(GradientMeasures(deformation_gradient(u)), named) * dx
 
-            kernel = SpectralForms(energy, u, quadrature_degree, extension)
-            self._kernel: Any = kernel
-            self.strain_energy, self.internal = [kernel.energy], [kernel.residual]
-            self.tangent = [kernel.tangent, *loads_tangent]
-        else:
-            self._kernel = None
-            constants = fem.Constant(mesh, np.array(energy.constants() or [0.0]))
-            named = energy.unpack([constants[i] for i in range(len(energy.constants()))])
-            psi = energy.density(GradientMeasures(deformation_gradient(u)), named) * dx
-            residual = ufl.derivative(psi, u, v)
-            self.strain_energy, self.internal = [fem.form(psi)], [fem.form(residual)]
-            self.tangent = [fem.form(ufl.derivative(residual, u, w)), *loads_tangent]
+        def compiled(name: str, derivatives: Sequence[Any]) -> fem.Form:
+            if by[name] == "spectral":
+                return getattr(kernel, name)
+            form = psi
+            for direction in derivatives:
+                form = ufl.derivative(form, u, direction)
+            return fem.form(form)
+
+        self.strain_energy = [compiled("energy", ())]
+        self.internal = [compiled("residual", (v,))]
+        self.tangent = [compiled("tangent", (v, w)), *loads_tangent]
+        self._filters = by["tangent"] == "spectral"
 
     @property
     def can_filter(self) -> bool:
         """Whether the tangent can be made positive semi-definite cell by cell."""
-        return self._kernel is not None
+        return self._filters
 
     def set_filter(self, name: Literal["none", "clamp", "absolute"]) -> None:
         """Chooses how the kernel's tangent treats negative eigenvalues, at every quadrature point."""
         if self._kernel is not None:
             self._kernel.filter = name
+
+
+def _assembled_by(assembly: str, energy: Energy, u: fem.Function, extension: float | None) -> dict[str, str]:
+    """What assembles energy, residual and tangent: "ufl" or "spectral"."""
+    if assembly == "auto":
+        return {**fastest(energy, u, extended=extension is not None), "tangent": "spectral"}
+    return dict.fromkeys(("energy", "residual", "tangent"), assembly)
 
 
 def _derivative(form: Any, u: Any, v: Any) -> Any:

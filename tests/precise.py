@@ -6,7 +6,7 @@ gap between two stretches is far below what 50 digits resolve.
 """
 
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import basix.ufl
@@ -85,8 +85,8 @@ def _power(base: Any, exponent: Any) -> Any:
     return base ** int(exponent) if exponent == int(exponent) else mp.power(base, exponent)
 
 
-@lru_cache(maxsize=None)
-def _expressions(name: str, energy: Energy) -> tuple[Any, list[Any], dict[tuple[int, int], Any]]:
+@cache
+def _expressions(energy: Any) -> tuple[Any, list[Any], dict[tuple[int, int], Any]]:
     domain = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)))
     count = len(energy.constants())
     stretches = ufl.Constant(domain, shape=(3,), count=0)
@@ -120,7 +120,7 @@ class _Shared:
 
 def in_stretches(energy: Energy, stretches: list[Any]) -> tuple[Any, list[Any], list[list[Any]]]:
     """ψ, p_i = ∂ψ/∂s_i and ψ_ij at three stretches."""
-    psi, first, second = _expressions(energy.name, _Shared(energy))  # type: ignore[arg-type]
+    psi, first, second = _expressions(_Shared(energy))
     numbers = {(0, i): s for i, s in enumerate(stretches)}
     numbers |= {(1, i): mp.mpf(c) for i, c in enumerate(energy.constants())}
     known: dict[int, Any] = {}

@@ -16,12 +16,17 @@ from forms import materials
 from forms.energy import CATALOGUE, Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
 from forms.normalize import linearize
-from forms.spectral import SpectralError, SpectralForms
+from forms.spectral import SpectralError, SpectralForms, fastest
 from forms.tuning import with_nonlinearity
 
 # Speed is not what the reference is for.
 QUICK = {"cffi_extra_compile_args": ["-O0", "-g0"]}
-SOLIDS = {"P1 tet": ("tetrahedron", 1), "P2 tet": ("tetrahedron", 2), "Q1 hex": ("hexahedron", 1), "Q2 hex": ("hexahedron", 2)}
+SOLIDS = {
+    "P1 tet": ("tetrahedron", 1),
+    "P2 tet": ("tetrahedron", 2),
+    "Q1 hex": ("hexahedron", 1),
+    "Q2 hex": ("hexahedron", 2),
+}
 PLANES = {
     "P1 triangle": ("triangle", 1),
     "P2 triangle": ("triangle", 2),
@@ -33,14 +38,10 @@ PLANES = {
 def one_cell(cell: str, geometry: int = 1, bent: float = 0.0) -> mesh.Mesh:
     """A single cell with its vertices moved at random, and of the nodes of a curved one all."""
     kind = getattr(basix.CellType, cell)
-    element = basix.ufl.element("Lagrange", cell, geometry, shape=(basix.geometry(kind).shape[1],))
-    nodes = basix.create_element(basix.ElementFamily.P, kind, geometry, basix.LagrangeVariant.equispaced).points
-    rng = np.random.default_rng(4)
-    moved = nodes + bent * rng.uniform(-0.1, 0.1, nodes.shape)
-    element = basix.ufl.element(
-        "Lagrange", cell, geometry, lagrange_variant=basix.LagrangeVariant.equispaced, shape=(nodes.shape[1],)
-    )
-    return mesh.create_mesh(MPI.COMM_SELF, np.arange(len(nodes))[None], moved, element)
+    nodes = basix.create_element(basix.ElementFamily.P, kind, geometry, basix.LagrangeVariant.gll_warped).points
+    moved = nodes + bent * np.random.default_rng(4).uniform(-0.1, 0.1, nodes.shape)
+    element = basix.ufl.element("Lagrange", cell, geometry, shape=(nodes.shape[1],))
+    return mesh.create_mesh(MPI.COMM_SELF, np.arange(len(nodes))[None], x=moved, e=element)
 
 
 def deformed(domain: mesh.Mesh, order: int, size: float = 0.15) -> fem.Function:
@@ -118,15 +119,20 @@ def test_every_material_on_every_solid(element: str, name: str) -> None:
     """Through UFL forms of what the material says at the quadrature points."""
     cell, order = SOLIDS[element]
     u = deformed(one_cell(cell, bent=1), order, 0.05 if order == 2 else 0.15)
-    forms = SpectralForms(materials.make(name), u)
+    # Eight points are enough to tell one material from another on the 27-node hexahedron.
+    degree = 2 if element == "Q2 hex" else None
+    forms = SpectralForms(materials.make(name), u, degree)
     check(spectral(forms), by_points(materials.make(name), u, forms.quadrature_degree))
 
 
-@pytest.mark.parametrize("element", {**SOLIDS, **PLANES, "P3 tet": ("tetrahedron", 3), "Q3 quadrilateral": ("quadrilateral", 3)})
+ELEMENTS = {**SOLIDS, **PLANES, "P3 tet": ("tetrahedron", 3), "Q3 quadrilateral": ("quadrilateral", 3)}
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("name", ["stable-neo-hookean", "neo-hookean"])
 def test_every_element_equals_ufl(element: str, name: str) -> None:
     """UFL's derivatives of the whole form on each cell; plane strain in two dimensions."""
-    cell, order = {**SOLIDS, **PLANES, "P3 tet": ("tetrahedron", 3), "Q3 quadrilateral": ("quadrilateral", 3)}[element]
+    cell, order = ELEMENTS[element]
     u = deformed(one_cell(cell, bent=1), order, 0.1 / order**2)
     forms = SpectralForms(materials.make(name), u)
     check(spectral(forms), by_ufl(materials.make(name), u, forms.quadrature_degree))
@@ -268,7 +274,7 @@ def test_default_quadrature() -> None:
 RANKS = """
 from mpi4py import MPI
 import numpy as np
-from dolfinx import fem, mesh
+from dolfinx import fem, la, mesh
 from forms import materials
 from forms.spectral import SpectralForms
 domain = mesh.create_unit_cube(MPI.COMM_WORLD, 4, 4, 4, mesh.CellType.hexahedron)
@@ -277,16 +283,13 @@ u.interpolate(lambda x: np.array([0.2 * x[1] ** 2, 0.1 * np.sin(3 * x[2]), 0.3 *
 forms = SpectralForms(materials.make("valanis-landel"), u)
 energy = domain.comm.allreduce(fem.assemble_scalar(forms.energy))
 b = fem.assemble_vector(forms.residual)
-from dolfinx import la
 b.scatter_reverse(la.InsertMode.add)
 squared = domain.comm.allreduce(float(np.sum(b.array[: 3 * u.function_space.dofmap.index_map.size_local] ** 2)))
 A = fem.assemble_matrix(forms.tangent)
 A.scatter_reverse()
-if domain.comm.rank == 0:
-    print(repr(energy), repr(squared), end=" ")
 size = A.squared_norm()
 if domain.comm.rank == 0:
-    print(repr(size))
+    print(repr(energy), repr(squared), repr(size))
 """
 
 
@@ -331,3 +334,13 @@ def test_refused_settings() -> None:
         SpectralForms(materials.make("linear-elasticity"), u, extension=0.25)
     with pytest.raises(SpectralError, match="when the forms are made"):
         SpectralForms(materials.make("hencky"), u).extension = 0.25
+
+
+def test_fastest() -> None:
+    """UFL where invariants serve on simplices; the kernel for stretches, on hexahedra and for an extension."""
+    tet, hexahedron, triangle = (deformed(one_cell(cell), 1) for cell in ("tetrahedron", "hexahedron", "triangle"))
+    stable, corotational = materials.make("stable-neo-hookean"), materials.make("linear-corotational")
+    assert fastest(stable, tet) == {"energy": "ufl", "residual": "ufl", "tangent": "spectral"}
+    assert fastest(stable, triangle)["tangent"] == "ufl"
+    for spectral_only in (fastest(stable, hexahedron), fastest(corotational, tet), fastest(stable, tet, True)):
+        assert set(spectral_only.values()) == {"spectral"}

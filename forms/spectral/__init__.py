@@ -6,6 +6,7 @@ derivatives of ψ in the stretches: exact where forms through eigenvalues are no
 
 from forms.spectral.assembly import SpectralForms
 from forms.spectral.build import SpectralError
+from forms.spectral.choice import fastest
 from forms.spectral.points import pointwise
 
-__all__ = ["SpectralError", "SpectralForms", "pointwise"]
+__all__ = ["SpectralError", "SpectralForms", "fastest", "pointwise"]

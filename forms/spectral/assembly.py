@@ -50,7 +50,7 @@ class SpectralForms:
 
     @property
     def filter(self) -> str:
-        """What `tangent` does to negative eigenvalues at a point: "none", "clamp" to zero, or their "absolute" value."""
+        """What `tangent` does to negative eigenvalues: "none" nothing, "clamp" to zero, "absolute" their size."""
         return FILTERS[int(self._control.value[0])]
 
     @filter.setter

@@ -70,11 +70,11 @@ def signature(energy: Energy, extended: bool) -> str:
 
 def is_even(energy: Energy) -> bool:
     """Whether ψ is unchanged when two stretches change their sign, as a function of C and J is."""
-    stretches = np.array([1.3, 0.7, 1.1])
-    value = evaluate(energy.density(PrincipalStretches(stretches.tolist())))
-    for signs in ((-1, -1, 1), (-1, 1, -1), (1, -1, -1)):
+    a, b, c = 1.3, 0.7, 1.1
+    value = evaluate(energy.density(PrincipalStretches((a, b, c))))
+    for stretches in ((-a, -b, c), (-a, b, -c), (a, -b, -c)):
         try:
-            flipped = evaluate(energy.density(PrincipalStretches((stretches * signs).tolist())))
+            flipped = evaluate(energy.density(PrincipalStretches(stretches)))
         except (ValueError, TypeError, ArithmeticError):
             # A logarithm or a power of a negative number.
             return False
@@ -116,9 +116,7 @@ def _extended_derivatives(psi: Scalar, variables: Sequence[Scalar], excess: Sequ
         terms: list[Scalar] = []
         for k, derivative in partial.items():
             factors = [powers[i][order[i]][k[i]] for i in range(3)]
-            if all(isinstance(factor, int) and factor == 0 for factor in factors) or 0 in [
-                factor for factor in factors if isinstance(factor, int)
-            ]:
+            if any(isinstance(factor, int) and factor == 0 for factor in factors):
                 continue
             terms.append(derivative * factors[0] * factors[1] * factors[2])
         result.append(sum(terms))

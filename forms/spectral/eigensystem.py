@@ -148,7 +148,7 @@ def eigensystem(F: Array, c: Coefficients) -> tuple[Array, Array]:
 
 def hessian(F: Array, c: Coefficients) -> Array:
     """Eq. 52 itself, shape (9, 9), rows and columns 3i + j: what the eigensystem must multiply out to."""
-    g = np.cross(np.roll(F, -1, axis=1), np.roll(F, -2, axis=1), axis=0)
+    g: Array = np.cross(np.roll(F, -1, axis=1), np.roll(F, -2, axis=1), axis=0)
     levi = np.zeros((3, 3, 3))
     for i in range(3):
         levi[i, (i + 1) % 3, (i + 2) % 3], levi[i, (i + 2) % 3, (i + 1) % 3] = 1, -1

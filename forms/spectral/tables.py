@@ -15,13 +15,15 @@ class ElementTables:
         gradients: Reference gradients of the scalar basis, shape (dim, points, dofs).
         geometry: The same of the geometry's basis, shape (dim, points, nodes).
         weights: Quadrature weights, shape (points,).
-        affine: Whether the geometry's gradients are the same at all points.
+        affine: Whether the geometry is a simplex of order one.
+        linear: Whether the element is.
     """
 
     gradients: np.ndarray
     geometry: np.ndarray
     weights: np.ndarray
     affine: bool
+    linear: bool
 
     def code(self) -> str:
         """Macros and arrays for kernel/element.c."""
@@ -38,12 +40,12 @@ class ElementTables:
             "ROW": row,
             "WIDTH": width,
             "AFFINE": int(self.affine),
+            "LINEAR": int(self.linear),
         }
         weights = np.zeros(batches * lanes)
         weights[:points] = self.weights
         by_dof = np.zeros((points, dim, width))
         by_dof[:, :, :dofs] = self.gradients.transpose(1, 0, 2)
-        geometry = self.geometry[:, :1] if self.affine else self.geometry
         return "\n".join(
             [
                 *(f"#define {name} {value}" for name, value in macros.items()),
@@ -51,7 +53,7 @@ class ElementTables:
                 f"typedef double row __attribute__((vector_size({8 * row})));",
                 _array("lanes weights", weights.reshape(batches, lanes), lanes),
                 _array("lanes gradient_by_point", _by_point(self.gradients, lanes), lanes),
-                _array("lanes geometry_by_point", _by_point(geometry, lanes), lanes),
+                _array("lanes geometry_by_point", _by_point(self.geometry, lanes), lanes),
                 _array("row gradient_by_dof", by_dof.reshape(points, dim, width // row, row), row),
             ]
         )
@@ -65,8 +67,10 @@ def element_tables(V: Any, quadrature_degree: int) -> ElementTables:
     domain = mesh.ufl_domain()
     geometry = _gradients(domain.ufl_coordinate_element(), points)
     simplex = cell in (basix.CellType.triangle, basix.CellType.tetrahedron)
-    affine = simplex and domain.ufl_coordinate_element().embedded_superdegree == 1
-    return ElementTables(_gradients(V.ufl_element(), points), geometry, weights, affine)
+    affine, linear = (
+        simplex and element.embedded_superdegree == 1 for element in (domain.ufl_coordinate_element(), V.ufl_element())
+    )
+    return ElementTables(_gradients(V.ufl_element(), points), geometry, weights, affine, linear)
 
 
 def default_quadrature_degree(V: Any) -> int:

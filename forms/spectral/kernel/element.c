@@ -2,7 +2,8 @@
  *
  * Quadrature points are taken LANES at a time. Generated for the element: DIM, POINTS, BATCHES, DOFS, NODES, ROW,
  * WIDTH (DOFS rounded up to ROW), the weights, and reference gradients of the basis in two layouts: with the points
- * of a batch side by side, and with the basis functions side by side.
+ * of a batch side by side, and with the basis functions side by side. On simplices of order one (LINEAR; AFFINE if
+ * the geometry is such a one) reference gradients are differences to the first node, the others being unit vectors.
  */
 #include "generated.h"
 
@@ -37,10 +38,11 @@ static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *de
 {
 #if DIM == 2
   *det = J[0][0] * J[1][1] - J[0][1] * J[1][0];
-  K[0][0] = J[1][1] / *det;
-  K[0][1] = -J[0][1] / *det;
-  K[1][0] = -J[1][0] / *det;
-  K[1][1] = J[0][0] / *det;
+  const lanes over = 1 / *det;
+  K[0][0] = J[1][1] * over;
+  K[0][1] = -J[0][1] * over;
+  K[1][0] = -J[1][0] * over;
+  K[1][1] = J[0][0] * over;
 #else
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
@@ -58,16 +60,24 @@ static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *de
 
 static __attribute__((noinline)) void load(int n, const double *w, const double *x, struct batch *b)
 {
-  lanes J[DIM][DIM], K[DIM][DIM], det, H[3][3];
+  lanes J[DIM][DIM], K[DIM][DIM], R[DIM][DIM], det, H[3][3];
   for (int i = 0; i < DIM; ++i)
     for (int j = 0; j < DIM; ++j)
     {
+#if AFFINE
+      J[i][j] = all(x[3 * (j + 1) + i] - x[i]);
+#else
       J[i][j] = all(0);
       for (int a = 0; a < NODES; ++a)
-        J[i][j] += x[3 * a + i] * geometry_by_point[AFFINE ? 0 : n][j][a];
+        J[i][j] += x[3 * a + i] * geometry_by_point[n][j][a];
+#endif
     }
   inverse(J, K, &det);
-  lanes R[DIM][DIM];
+#if LINEAR
+  for (int i = 0; i < DIM; ++i)
+    for (int j = 0; j < DIM; ++j)
+      R[i][j] = all(w[DIM * (j + 1) + i] - w[i]);
+#else
   for (int i = 0; i < DIM; ++i)
     for (int j = 0; j < DIM; ++j)
       R[i][j] = all(0);
@@ -75,6 +85,7 @@ static __attribute__((noinline)) void load(int n, const double *w, const double 
     for (int i = 0; i < DIM; ++i)
       for (int j = 0; j < DIM; ++j)
         R[i][j] += w[DIM * a + i] * gradient_by_point[n][j][a];
+#endif
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
     {
@@ -143,8 +154,10 @@ KERNEL(residual)
       A[DIM * a + i] += R[i][a / ROW][a % ROW];
 }
 
-#if LANES == 1
-#include "tangent_point.h"
+#include "moduli.h"
+
+#if LINEAR && LANES == 1
+#include "tangent_simplex.h"
 #else
 #include "tangent_points.h"
 #endif

@@ -1,0 +1,105 @@
+"""Newton's method for a minimum: the raw tangent where it is positive definite, a filtered one where it is not."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from app.errors import NotConverged
+from app.merit import Merit
+from app.problem import Array, Problem
+
+Filter = Literal["none", "clamp", "absolute"]
+
+# A raw tangent that was indefinite is tried again once the forces have fallen to this share.
+RETRY = 0.3
+
+
+@dataclass
+class Count:
+    """What was spent."""
+
+    newton: int = 0
+    linear: int = 0
+
+
+class System(Protocol):
+    """What gives Newton's method its directions."""
+
+    problem: Problem
+    count: Count
+
+    def assemble(self, filtering: Filter) -> None:
+        """Assembles the tangent at the problem's state."""
+
+    def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
+        """Solves with it; None if it is not positive definite."""
+
+
+class Newton:
+    """One minimisation: every step goes downhill, and the last ones, with the raw tangent, are quadratic."""
+
+    def __init__(self, system: System, values: Array) -> None:
+        """Starts at a state whose prescribed displacements are right.
+
+        Raises:
+            NotConverged: If the energy is not finite there.
+        """
+        self._system = system
+        self._problem = system.problem
+        self._problem.set_state(values)
+        self.merit = Merit(self._problem, self._problem.state)
+        self._failed_at: float | None = None
+        self._previous: float | None = None
+
+    def run(self, monitor: Callable[[int, float], None], until: Callable[[], bool] | None = None) -> Array:
+        """Steps until the forces balance.
+
+        Args:
+            monitor: Told the number and the norm of the forces out of balance before each step.
+            until: Stops early where it holds of the problem's state.
+
+        Raises:
+            NotConverged: With the kind of failure and the last iterate.
+        """
+        merit, solve = self.merit, self._problem.scene.solve
+        for iteration in range(solve.max_iterations + 1):
+            monitor(iteration, self._problem.norm(merit.gradient))
+            self._problem.set_state(merit.values)
+            # Relative to the largest forces on the way: those at the prescribed displacements are among them.
+            if merit.error <= solve.tolerance or (until is not None and until()):
+                return merit.values
+            if iteration < solve.max_iterations:
+                self._step()
+        raise NotConverged("iterations", f"{iteration} Newton steps, residual {merit.error:.1e}", merit.values)
+
+    def _step(self) -> None:
+        merit, norm = self.merit, self._problem.norm(self.merit.gradient)
+        ratio = None if self._previous is None else norm / self._previous
+        forcing = 1e-2 if ratio is None else min(1e-2, max(0.1 * ratio**2, 1e-8))
+        self._previous = norm
+        self._system.count.newton += 1
+        for name in self._filters(norm):
+            self._problem.set_state(merit.values)
+            self._system.assemble(name)
+            step = self._system.linear_solve(-merit.gradient, forcing)
+            if step is not None:
+                step[self._problem.held] = 0.0
+                if merit.descends(step) and merit.search(step, name != "none") is not None:
+                    return
+            if name == "none":
+                self._failed_at = norm
+        if step is None:
+            raise NotConverged(
+                "indefinite", "the tangent is not positive definite, and no filter is left to try", merit.values
+            )
+        raise NotConverged("stalled", f"no step lowers the energy, residual {merit.error:.1e}", merit.values)
+
+    def _filters(self, norm: float) -> list[Filter]:
+        """What to try, in this order."""
+        asked = self._problem.scene.solve.filter
+        if not self._problem.potential.can_filter:
+            return ["none"]
+        if asked != "auto":
+            return [asked]
+        promising = self._failed_at is None or norm <= RETRY * self._failed_at
+        return ["none", "clamp"] if promising else ["clamp"]
