@@ -71,6 +71,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.add_argument("study", nargs="?", help="a study file, or the name of a shipped study; none lists them")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/converge/STUDY)")
+
+    command = commands.add_parser(
+        "stress",
+        help="put every material through the scenes that break solvers",
+        description="Solves every material, scene, nu and cell that results/stress/stress.csv lacks; with mpirun, "
+        "each rank takes cases of its own.",
+    )
+    command.add_argument("--material", action="append", help="only this material; may be repeated")
+    command.add_argument("--limit", type=float, default=30.0, metavar="S", help="seconds a case may take (default 30)")
+    command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/stress"), help="folder of the table")
+
+    command = commands.add_parser("bench", help="time the solver against others")
+    command.add_argument("name", choices=sorted(_BENCHES), help="what is measured")
+    command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/bench"), help="folder of the results")
     return parser
 
 
@@ -175,6 +189,46 @@ def _converge(options: Any, petsc: list[str]) -> int:
     return OK
 
 
+def _stress(options: Any, petsc: list[str]) -> int:
+    from mpi4py import MPI
+
+    from app.matrix import matrix
+    from app.stress import Row, stress
+    from forms.materials import get
+
+    materials = [get(name) and name for name in options.material or []]
+
+    def tell(row: Row) -> None:
+        print(f"{row.material:28} {row.scene:10} nu {row.nu:<6g} {row.cell} {row.status:10} {row.reason}", flush=True)
+
+    wanted = (lambda row: row.material in materials) if materials else None
+    rows = stress(options.out, MPI.COMM_WORLD, options.limit, tell, wanted)
+    if MPI.COMM_WORLD.rank == 0:
+        matrix(rows, options.out / "stress.png")
+        print(f"results: {options.out / 'stress.csv'}, {options.out / 'stress.png'}")
+    return OK
+
+
+def _bench(options: Any, petsc: list[str]) -> int:
+    _BENCHES[options.name](options.out)
+    return OK
+
+
+def _bench_twist(out: Path) -> None:
+    from app.bench.twist import twist
+
+    result = twist()
+    print(f"elastune, one step:  {result.ours:6.2f} s, {result.ours_newton} Newton steps, energy {result.energies[0]:.10g}")
+    print(f"tutorial, ten steps: {result.theirs:6.2f} s, {result.theirs_newton} Newton steps, energy {result.energies[1]:.10g}")
+    print(f"time against the tutorial's: {result.ours / result.theirs:.3f}")
+
+
+def _bench_stretch(out: Path) -> None:
+    from app.bench.stretch import stretch, write
+
+    print("results: " + ", ".join(map(str, write(stretch(), out))))
+
+
 def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     """The keys of a scene's material table that `tuned_energy` takes beside name, E and nu."""
     if not overrides:
@@ -191,4 +245,6 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     return table
 
 
-_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials, "converge": _converge}
+_BENCHES = {"twist": _bench_twist, "stretch": _bench_stretch}
+
+_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials, "converge": _converge, "stress": _stress, "bench": _bench}

@@ -90,7 +90,8 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         "quantities": {name: quantity.model_dump(exclude_none=True) for name, quantity in study.quantities.items()},
     }
     launcher = ["mpirun", "-n", str(case.ranks)] if case.ranks > 1 else []
-    command = [*launcher, sys.executable, "-m", "app.case", json.dumps(request)]
+    # mpi4py ends all ranks when one of them fails.
+    command = [*launcher, sys.executable, "-m", "mpi4py", "-m", "app.case", json.dumps(request)]
     nothing: dict[str, Any] = {
         "element": case.scene.element,
         "cells": 0,

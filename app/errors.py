@@ -16,7 +16,7 @@ class NotConverged(Exception):
 
     Attributes:
         kind: One word: "undefined", "indefinite", "stalled", "iterations", "linear", "time",
-            "saddle".
+            "saddle", "crawling".
         values: The state where it stopped, a vector of the problem, or None.
     """
 

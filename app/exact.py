@@ -1,12 +1,15 @@
 """Manufactured solutions: a displacement in closed form, the body force that it needs, and the errors against it."""
 
+import math
 from functools import cached_property
+from typing import Any
 
 import basix
 import basix.ufl
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -159,7 +162,7 @@ class Manufactured(Problem):
 class Points:
     """Quadrature points of the cells of this rank, in the order of a quadrature element's values."""
 
-    def __init__(self, mesh: object, degree: int) -> None:
+    def __init__(self, mesh: Mesh, degree: int) -> None:
         """The rule that forms use at this degree."""
         self.mesh = mesh
         self.points, self._weights = basix.make_quadrature(mesh.basix_cell(), degree)
@@ -167,10 +170,10 @@ class Points:
         self.cells = np.arange(topology.size_local + topology.num_ghosts, dtype=np.int32)
         self.owned = topology.size_local * len(self._weights)
 
-    def evaluate(self, expression: object, cells: NDArray[np.int32]) -> Array:
+    def evaluate(self, expression: Any, cells: NDArray[np.int32]) -> Array:
         """An expression at the points of cells, shape (points, components)."""
         values = fem.Expression(expression, self.points).eval(self.mesh, cells)
-        return np.asarray(values).reshape(len(cells) * len(self._weights), -1)
+        return np.asarray(values).reshape(len(cells) * len(self._weights), math.prod(expression.ufl_shape))
 
     def coordinates(self) -> Array:
         """X, ghost cells included, shape (n, 3)."""
@@ -184,11 +187,11 @@ class Points:
         weights[self.owned :] = 0.0
         return weights
 
-    def values(self, u: object) -> Array:
+    def values(self, u: fem.Function) -> Array:
         """A vector field, shape (n, 3)."""
         return _padded(self.evaluate(u, self.cells))
 
-    def gradient(self, u: object) -> Array:
+    def gradient(self, u: fem.Function) -> Array:
         """The gradient of a vector field, shape (n, 3, 3)."""
         d = self.mesh.geometry.dim
         H = np.zeros((len(self.cells) * len(self._weights), 3, 3))

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from forms.elements import ELEMENTS
 from forms.energy import Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
+from forms.mixed import mixed_response
 from forms.spectral import pointwise
+from forms.volumetric import Split
 
 Array = NDArray[Any]
 
@@ -83,6 +85,12 @@ def von_mises(at: Samples) -> Array:
 
 
 @_cell_field
+def pressure(at: Samples) -> Array:
+    """Minus the mean of the Cauchy stress's diagonal."""
+    return -np.trace(at.cauchy, axis1=1, axis2=2) / 3
+
+
+@_cell_field
 def stretches(at: Samples) -> Array:
     """Principal stretches, largest first; the last is negative where the cell is inverted."""
     values = np.linalg.svd(at.F, compute_uv=False)
@@ -109,7 +117,14 @@ class Fields:
     degree than the mesh is interpolated to the nodes of the mesh.
     """
 
-    def __init__(self, u: fem.Function, energy: Energy, extension: float | None, quadrature: int | None) -> None:
+    def __init__(
+        self,
+        u: fem.Function,
+        energy: Energy,
+        extension: float | None,
+        quadrature: int | None,
+        mixed: tuple[Split, fem.Function] | None = None,
+    ) -> None:
         """Compiles the gradient of u, the only form that all fields share.
 
         Args:
@@ -117,9 +132,11 @@ class Fields:
             energy: Strain-energy density.
             extension: Stretch below which a singular energy is continued.
             quadrature: Degree of the points; the element's own unless given.
+            mixed: Of a mixed element, the energy as it sees it and the pressure.
         """
         self._u, self._energy, self._extension = u, energy, extension
         self._mesh = u.function_space.mesh
+        self._mixed = mixed
         self._quadrature = quadrature or _quadrature_degree(u)
 
     # ------------------------------------------------------------------ nodes
@@ -191,6 +208,8 @@ class Fields:
             yield Samples(H, partial(self._respond, cells=cells)), values[..., -1] * self._weights
 
     def _respond(self, H: Array, cells: NDArray[np.int32]) -> tuple[Array, Array]:
+        if self._mixed is not None:
+            return mixed_response(self._mixed[0], H, self._evaluate(self._pressure, cells).ravel())
         if self._energy.objective:
             psi, P, _ = pointwise(self._energy, H, extension=self._extension)
             return psi, P
@@ -223,6 +242,10 @@ class Fields:
         psi = self._energy.density(GradientMeasures(F))
         P = ufl.diff(psi, F)
         return self._expression([psi] + [P[i, j] for i in range(3) for j in range(3)])
+
+    @cached_property
+    def _pressure(self) -> fem.Expression:
+        return self._expression([] if self._mixed is None else [self._mixed[1]])
 
     def _expression(self, components: list[Any]) -> fem.Expression:
         return fem.Expression(ufl.as_vector(components), self._rule[0], comm=self._mesh.comm)

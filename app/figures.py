@@ -8,9 +8,9 @@ from app.comparison import Comparison, Curve, Point
 from app.study import Study
 
 # Okabe and Ito's colours, told apart by the colour-blind too; those of solvers to compare with are greys.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a4fbf", "#8c6d31")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a4fbf", "#8c6d31", "#b3476b", "#000000")
 GREYS = ("#8f8f8f", "#4d4d4d", "#b5b5b5")
-MARKERS = "osD^vPX*"
+MARKERS = "osD^v<>phd"
 # More curves than this have a colour map and a legend beside them.
 MANY = 10
 
@@ -72,9 +72,12 @@ def _styles(names: list[tuple[str, str]], many: bool) -> dict[tuple[str, str], d
     styles: dict[tuple[str, str], dict[str, Any]] = {}
     for i, name in enumerate(ours):
         colour = colormaps["turbo"](0.05 + 0.9 * i / len(ours)) if many else COLOURS[i % len(COLOURS)]
-        styles[name] = {"color": colour, "marker": MARKERS[i % len(MARKERS)], "linestyle": "-"}
+        style = {"color": colour, "marker": MARKERS[i % len(MARKERS)], "markersize": 5, "linestyle": "-"}
+        # The latter half hollow and larger, so that of two curves that coincide both are seen.
+        hollow = {"markersize": 8, "markerfacecolor": "none"} if 2 * i >= len(ours) > 5 else {}
+        styles[name] = style | hollow
     for i, name in enumerate(name for name in names if name not in styles):
-        styles[name] = {"color": GREYS[i % len(GREYS)], "marker": MARKERS[i % len(MARKERS)], "linestyle": "--"}
+        styles[name] = {"color": GREYS[i % len(GREYS)], "marker": MARKERS[i], "markersize": 5, "linestyle": "--"}
     return styles
 
 
@@ -85,7 +88,7 @@ def _curve(axes: Any, study: Study, curve: Curve, label: str, style: dict[str, A
     name = curve.name
     if "size" in label and math.isfinite(curve.order(study.plot)) and study.panels is None:
         name += f": order {curve.order(study.plot):.2f}"
-    axes.plot(x, y, label=name, markersize=5, linewidth=1.6, **style)
+    axes.plot(x, y, label=name, linewidth=1.6, **style)
     if "time" in label:
         low, high = ([abs(p.seconds - p.spread[i]) for p in points] for i in (0, 1))
         axes.errorbar(x, y, xerr=[low, high], fmt="none", ecolor=style["color"], elinewidth=1, capsize=2)
@@ -101,6 +104,8 @@ def _dress(axes: Any, study: Study, panel: str, label: str, titled: bool) -> Non
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel(label)
+    _number_ticks(axes.xaxis, 1.0, "")
+    _number_ticks(axes.yaxis, 0.01, " %")
     axes.grid(color="0.9", which="major")
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -112,6 +117,15 @@ def _dress(axes: Any, study: Study, panel: str, label: str, titled: bool) -> Non
     for tolerance in study.tolerances:
         if low < tolerance < high:
             axes.axhline(tolerance, color="0.75", linewidth=0.8, linestyle=":", zorder=0)
-            text = f"{100 * tolerance:g} %"
-            axes.annotate(text, (1, tolerance), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-                          fontsize=8, color="0.45")
+            where = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom"}
+            axes.annotate(f"{100 * tolerance:g} %", (1, tolerance), fontsize=8, color="0.45", **where)
+
+
+def _number_ticks(axis: Any, unit: float, suffix: str) -> None:
+    """Plain numbers at 1, 2 and 5 of each decade, or at the decades where there are many."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 60 else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / unit:g}{suffix}"))
+    axis.set_minor_formatter(NullFormatter())

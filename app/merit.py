@@ -66,7 +66,7 @@ class Merit:
         """Moves along a step; its accepted length, or None if no length lowers the merit.
 
         Backtracking with the sufficient decrease of Armijo; where the decrease drowns in the rounding of Π the
-        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005). The step of a filtered
+        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005), or the forces. The step of a filtered
         tangent knows nothing of what lies far away: it moves no node by more than half the body's size at first,
         and is doubled as long as Π falls.
 
@@ -76,7 +76,7 @@ class Merit:
         """
         problem = self.problem
         slope = problem.dot(self.gradient, step) if self.conservative else -2 * self.value
-        rounding = 1e-14 * abs(self.value) + 1e-16
+        rounding = 1e-13 * abs(self.value) + 1e-16
         length = min(1.0, problem.extent / 2 / _largest(problem, step)) if filtered else 1.0
         for _ in range(30):
             trial = self.values + length * step
@@ -90,9 +90,10 @@ class Merit:
                 if not accepted and self.conservative and value <= self.value + rounding:
                     gradient = self._gradient(trial)
                     accepted = abs(problem.dot(gradient, step)) <= 0.9 * abs(slope)
+                    accepted = accepted or problem.norm(gradient) < problem.norm(self.gradient)
                 if accepted:
-                    if filtered and length == 1.0 and gradient is None:
-                        length = self._extended(step, value)
+                    if filtered and length == 1.0 and value < self.value - rounding:
+                        length, gradient = self._extended(step, value), None
                     self._move(self.values + length * step, gradient)
                     return length
                 curvature = 2 * (value - self.value - length * slope)

@@ -4,14 +4,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from app.errors import NotConverged
 from app.merit import Merit
 from app.problem import Array, Problem
 
-Filter = Literal["none", "clamp", "absolute"]
+# "shifted" is clamped with a share of the stiffness at rest on the diagonal: where a body is collapsed to a point the
+# clamped tangent may be zero.
+Filter = Literal["none", "clamp", "absolute", "shifted"]
 
 # A raw tangent that was indefinite is tried again once the forces have fallen to this share.
 RETRY = 0.3
+
+# Forces so small, relative to the largest on the way, that a filtered tangent is heading for a saddle point if the
+# raw one is indefinite.
+NEARLY = 1e-6
 
 
 @dataclass
@@ -38,8 +46,14 @@ class System(Protocol):
 class Newton:
     """One minimisation: every step goes downhill, and the last ones, with the raw tangent, are quadratic."""
 
-    def __init__(self, system: System, values: Array) -> None:
+    def __init__(self, system: System, values: Array, watchful: bool, patience: float) -> None:
         """Starts at a state whose prescribed displacements are right.
+
+        Args:
+            system: Tangent and linear solver.
+            values: The state.
+            watchful: Whether to stop at saddle points.
+            patience: Filtered steps in a row before it stops too.
 
         Raises:
             NotConverged: If the energy is not finite there.
@@ -50,6 +64,10 @@ class Newton:
         self.merit = Merit(self._problem, self._problem.state)
         self._failed_at: float | None = None
         self._previous: float | None = None
+        # A start may be in balance where it should not.
+        self._doubtful = watchful
+        self._watchful = watchful
+        self._patience, self._filtered = patience, 0
 
     def run(self, monitor: Callable[[int, float], None], until: Callable[[], bool] | None = None) -> Array:
         """Steps until the forces balance.
@@ -65,12 +83,29 @@ class Newton:
         for iteration in range(solve.max_iterations + 1):
             monitor(iteration, self._problem.norm(merit.gradient))
             self._problem.set_state(merit.values)
-            # Relative to the largest forces on the way: those at the prescribed displacements are among them.
-            if merit.error <= solve.tolerance or (until is not None and until()):
+            if until is not None and until():
                 return merit.values
+            # Relative to the largest forces on the way: those at the prescribed displacements are among them.
+            if self._doubtful and merit.error <= max(NEARLY, solve.tolerance) and self._on_saddle():
+                raise NotConverged("saddle", f"a saddle point, residual {merit.error:.1e}", merit.values)
+            if merit.error <= solve.tolerance:
+                return merit.values
+            if self._filtered > self._patience:
+                raise NotConverged("crawling", f"{iteration} Newton steps, residual {merit.error:.1e}", merit.values)
             if iteration < solve.max_iterations:
                 self._step()
         raise NotConverged("iterations", f"{iteration} Newton steps, residual {merit.error:.1e}", merit.values)
+
+    def _on_saddle(self) -> bool:
+        """Whether the tangent has a negative eigenvalue at a state nearly in balance."""
+        problem = self._problem
+        self._system.assemble("none")
+        # Conjugate gradients find a negative eigenvalue only where the right-hand side has a share of its vector.
+        rhs = np.where(problem.held, 0.0, np.random.default_rng(0).standard_normal(len(problem.held)))
+        if self._system.linear_solve(rhs, 1e-3) is None:
+            return True
+        self._doubtful, self._failed_at = False, None
+        return False
 
     def _step(self) -> None:
         merit, norm = self.merit, self._problem.norm(self.merit.gradient)
@@ -85,6 +120,8 @@ class Newton:
             if step is not None:
                 step[self._problem.held] = 0.0
                 if merit.descends(step) and merit.search(step, name != "none") is not None:
+                    self._doubtful = self._watchful and name != "none"
+                    self._filtered = self._filtered + 1 if name != "none" else 0
                     return
             if name == "none":
                 self._failed_at = norm
@@ -100,6 +137,6 @@ class Newton:
         if not self._problem.potential.can_filter:
             return ["none"]
         if asked != "auto":
-            return [asked]
+            return [asked] if asked == "none" else [asked, "shifted"]
         promising = self._failed_at is None or norm <= RETRY * self._failed_at
-        return ["none", "clamp"] if promising else ["clamp"]
+        return ["none", "clamp", "shifted"] if promising else ["clamp", "shifted"]

@@ -28,6 +28,7 @@ from app.results import Step, Summary
 from app.scene import Scene
 from app.xdmf import FieldFile, WholeMesh, replace_text
 from forms.energy import Energy
+from forms.volumetric import Split
 
 T = TypeVar("T")
 Row = dict[str, float | int | None]
@@ -55,19 +56,28 @@ class Output:
         self._steps: list[Step] = []
         self._largest: dict[float, float] = {}
 
-    def start(self, u: dolfinx.fem.Function, energy: Energy, extension: float | None) -> None:
+    def start(
+        self,
+        u: dolfinx.fem.Function,
+        energy: Energy,
+        extension: float | None,
+        quadrature: int | None = None,
+        mixed: tuple[Split, dolfinx.fem.Function] | None = None,
+    ) -> None:
         """Makes the folder and, if the scene asks for fields, writes those of the state before the first step.
 
         Args:
             u: The displacement; it holds the state whenever a step is written.
             energy: Strain-energy density.
             extension: Stretch below which a singular energy is continued.
+            quadrature: Degree of the points where fields are evaluated.
+            mixed: Of a mixed element, the energy as it sees it and the pressure.
 
         Raises:
             UserError: On every rank, if a file cannot be written; the other methods likewise.
         """
         self._mesh = u.function_space.mesh
-        self._fields = Fields(u, energy, extension, self._scene.solve.quadrature)
+        self._fields = Fields(u, energy, extension, quadrature, mixed)
         self._on_root(self._clear_folder)
         if self._scene.output.fields:
             whole = self._whole

@@ -30,7 +30,7 @@ def curve_points(
     """What the curve of a scene shows, from the state at rest on.
 
     Where a face moves, its force over its path; where one turns, the energy over its angle; otherwise the load
-    over the largest displacement.
+    over the largest displacement. Without loads, the energy over the load steps.
 
     Args:
         boundary: The scene's conditions by face.
@@ -41,6 +41,8 @@ def curve_points(
     Returns:
         Labels of x and y, and the points.
     """
+    if body is None and not any(condition.loads for condition in boundary.values()):
+        return ("load step", "energy"), [(step.load, step.energy) for step in steps]
     loading = [(face, condition) for face, condition in boundary.items() if condition.loads]
     # A prescribed motion tells more than a load beside it.
     loading.sort(key=lambda entry: ("move", "rotate", "pull", "pressure").index(entry[1].kind))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import geometry
 from app.errors import SceneError
 from app.scene import Condition, Rotation, Scene, material_energy, mesh_arguments
-from forms.elements import ELEMENTS
+from forms.elements import ELEMENTS, Choice
 from forms.mixed import MixedPotential
 from forms.potential import Loads, Potential
 from forms.spaces import displacement_space, pressure_space
@@ -31,6 +31,7 @@ class Problem:
         geometry: Mesh and named faces.
         energy: The calibrated and tuned energy.
         element: Element name.
+        reason: Why "auto" chose it, or nothing.
         quadrature: Degree of the volume quadrature.
         V: Displacement space.
         u: The displacement of the state.
@@ -55,7 +56,7 @@ class Problem:
             raise SceneError(f"mesh: {error}") from None
         mesh = self.geometry.mesh
         self.dimension = mesh.geometry.dim
-        self.element = _element(scene, mesh.topology.cell_name())
+        self.element, self.reason = _element(scene, mesh.topology.cell_name(), self.geometry.cells_count)
         element = ELEMENTS[self.element]
         self.quadrature = scene.solve.quadrature or element.quadrature
         self.V = displacement_space(mesh, element)
@@ -71,10 +72,16 @@ class Problem:
 
     def _potential(self) -> Potential:
         solve, tags, loads = self.scene.solve, self.geometry.facet_tags, self._loads()
-        if self.split is not None and self.p is not None:
-            return MixedPotential(self.split, self.u, self.p, self.quadrature, loads, tags, solve.assembly)
+        if self.mixed is not None:
+            parts, p = self.mixed
+            return MixedPotential(parts, self.u, p, self.quadrature, loads, tags, solve.assembly)
         extension = self.scene.material.extension
         return Potential(self.energy, self.u, self.quadrature, loads, tags, solve.assembly, extension)
+
+    @property
+    def mixed(self) -> tuple[Split, fem.Function] | None:
+        """Of a mixed element, the energy as it sees it and the pressure."""
+        return None if self.split is None or self.p is None else (self.split, self.p)
 
     # ------------------------------------------------------------------ sizes
 
@@ -216,7 +223,7 @@ class Problem:
                 for axis in condition.roller or ():
                     values[blocks * d + "xyz".index(axis)] = 0.0
                 continue
-            motion = _motion(condition, points[blocks], load)
+            motion = prescribed_motion(condition, points[blocks], load)
             values[(blocks[:, None] * d + np.arange(d)).ravel()] = motion[:, :d].ravel()
         return self.joined(values)
 
@@ -325,18 +332,20 @@ class Problem:
         return self.comm.allreduce(float(a[: self.owned] @ b[: self.owned]))
 
 
-def _element(scene: Scene, cell: str) -> str:
-    """Element name, checked against the cell type that the mesh turned out to have."""
+def _element(scene: Scene, cell: str, cells: int) -> Choice:
+    """Element, checked against the cell type that the mesh turned out to have."""
+    if scene.solve.element == "auto":
+        return scene.chosen(cell, cells)
     name = scene.element if scene.mesh.shape != "file" else scene.solve.element
     if name is None:
         name = next(name for name, element in ELEMENTS.items() if cell in element.cells)
     if cell not in ELEMENTS[name].cells:
         lives = " or ".join(ELEMENTS[name].cells)
         raise SceneError(f'solve.element = "{name}": lives on {lives}, got a mesh of {cell} cells')
-    return name
+    return Choice(name, "")
 
 
-def _motion(condition: Condition, points: Array, load: float) -> Array:
+def prescribed_motion(condition: Condition, points: Array, load: float) -> Array:
     """Displacements of points, shape (n, 3), under a condition at a load factor."""
     motion = np.zeros_like(points)
     if condition.move is not None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from mpi4py import MPI
 from rich.console import Console
@@ -47,8 +48,9 @@ class Screen(Progress):
     def start(self, problem: Problem) -> None:
         """What is about to be solved."""
         ranks = f", {problem.comm.size} ranks" if problem.comm.size > 1 else ""
+        element = f"{problem.element} (auto: {problem.reason})" if problem.reason else problem.element
         self.console.print(
-            f"{self.scene.name}: {self.scene.material.name}, {problem.element}, "
+            f"{self.scene.name}: {self.scene.material.name}, {element}, "
             f"{problem.geometry.cells_count:,} cells, {problem.size:,} unknowns{ranks}"
         )
 
@@ -70,6 +72,24 @@ class Screen(Progress):
                 f"did not converge at load {summary.failure.load:.4g}: {summary.failure.message} "
                 f"({summary.failure.kind})"
             )
+            self.console.print(_told(summary.failure.diagnosis))
         if files:
             self.console.print(f"{summary.wall_s:.1f} s; results in {files[0].parent}: ", end="")
             self.console.print(", ".join(file.name for file in files))
+
+
+def _told(diagnosis: dict[str, Any]) -> str:
+    """A diagnosis in a few lines."""
+    lines = [
+        "{inverted_cells} cells inverted, J from {J[0]:.3g} to {J[1]:.3g}, "
+        "stretches from {stretches[0]:.3g} to {stretches[1]:.3g}".format(**diagnosis),
+        "largest force out of balance {largest_force:.3g} at {at}".format(**diagnosis["residual"]),
+    ]
+    if diagnosis["ellipticity"] < 0:
+        lines.append("the material has lost ellipticity there")
+    if diagnosis["unbounded_below"]:
+        lines.append("the energy is unbounded below")
+    if diagnosis["locking"]:
+        lines.append(f"locking is likely: {diagnosis['locking']}")
+    lines += [f"try: {advice}" for advice in diagnosis["advice"]]
+    return "\n".join(f"  {line}" for line in lines)

@@ -20,27 +20,20 @@ forces are a thousand times those at the end, and a wild first step only makes a
 
 A body collapsed onto a line feels no force across it, a saddle that an exact Newton step never leaves (Smith et
 al., Section 3.3: "meta-stable"). So a state in balance is asked for its inertia, and where the tangent has a
-negative eigenvalue a little noise decides which way to go. Where the line search stalls, the trust region, which
-follows negative curvature by itself, goes on.
+negative eigenvalue a little noise decides which way to go, and the trust region, which follows negative curvature
+by itself, goes there (`Minimizer.minimize`). It also takes over where the line search stalls.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
-from app.errors import NotConverged
 from app.measures import Measures
 from app.problem import Array, Problem
 from app.scene import Scene, material_energy
 from app.solve import Minimizer
-from app.start import uniform
 
 # Poisson's ratio of the first stage, and the least volume ratio at which it has done its work.
 SOFT, UNTANGLED = 0.3, 0.5
-
-# Noise off a saddle point, relative to the body's extent, and how often it is tried.
-NOISE, SHAKES = 1e-3, 5
 
 
 def recover(problem: Problem, minimizer: Minimizer, values: Array) -> Array:
@@ -55,26 +48,12 @@ def recover(problem: Problem, minimizer: Minimizer, values: Array) -> Array:
         NotConverged: If the body does not get home.
     """
     measures = Measures(problem)
+    # A long way is no reason to change the method.
+    patience = problem.scene.solve.max_iterations
     if _can_soften(problem.scene):
         with _softened(problem):
-            values = _settle(minimizer, values, lambda: measures.min_J() > UNTANGLED)
-    values = _settle(minimizer, values)
-    for seed in range(SHAKES):
-        if minimizer.is_minimum():
-            return values
-        noise = NOISE * problem.extent * (2 * uniform(problem, seed) - 1)
-        values = _settle(minimizer, np.where(problem.held, values, values + problem.joined(noise.ravel())))
-    raise NotConverged("saddle", f"a saddle point that {SHAKES} shakes did not leave", values)
-
-
-def _settle(minimizer: Minimizer, values: Array, until: Callable[[], bool] | None = None) -> Array:
-    """Minimises, with the trust region's help where the line search needs it."""
-    try:
-        return minimizer.minimize(values, until)
-    except NotConverged as failure:
-        if failure.kind not in ("stalled", "indefinite") or failure.values is None:
-            raise
-        return minimizer.minimize(minimizer.roam(failure.values, until), until)
+            values = minimizer.minimize(values, lambda: measures.min_J() > UNTANGLED, patience)
+    return minimizer.minimize(values, patience=patience)
 
 
 def _can_soften(scene: Scene) -> bool:

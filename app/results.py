@@ -31,11 +31,19 @@ class Step:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a run stopped: kind in one word, a message in a line, and the load it did not reach."""
+    """Why a run stopped.
+
+    Attributes:
+        kind: One word.
+        message: One line.
+        load: The load factor that was not reached.
+        diagnosis: What the state looks like where the last attempt ended, and advice: see `app.diagnose`.
+    """
 
     kind: str
     message: str
     load: float
+    diagnosis: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass

@@ -7,6 +7,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from app.errors import SceneError
+from app.diagnose import diagnose
 from app.measures import Measures
 from app.output import Output
 from app.problem import Problem
@@ -62,7 +63,7 @@ def run(
     measures = Measures(problem)
     progress.start(problem)
     summary = _summary(problem)
-    output.start(problem.u, problem.energy, scene.material.extension)
+    output.start(problem.u, problem.energy, scene.material.extension, problem.quadrature, problem.mixed)
     last = time.perf_counter()
     try:
         for state in follow(problem, progress.increment):
@@ -74,7 +75,8 @@ def run(
             progress.step(step)
     except LoadFailure as failure:
         summary.status = "failed"
-        summary.failure = Failure(failure.kind, str(failure), failure.load)
+        found = diagnose(problem, failure.values, failure.kind)
+        summary.failure = Failure(failure.kind, str(failure), failure.load, found)
     summary.wall_s = time.perf_counter() - began
     return summary, output.finish(summary)
 

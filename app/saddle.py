@@ -52,7 +52,7 @@ class SaddlePoint:
         forms = problem.potential
         create = dolfinx.fem.petsc.create_matrix
         self._blocks = [
-            (create(forms.tangent[0]), [*forms.tangent, forms.stretching]),
+            (create(forms.tangent[0]), forms.tangent),
             (create(forms.coupling_transposed), [forms.coupling_transposed]),
             (create(forms.coupling), [forms.coupling]),
             (create(forms.compliance), [forms.compliance]),
@@ -112,9 +112,10 @@ class SaddlePoint:
         problem, forms = self.problem, self.potential
         forms.set_filter(convexity.filter)
         forms.share.value = convexity.share
+        stretching = [forms.stretching] if convexity.share > 0 else []
         for matrix, terms in self._blocks:
             matrix.zeroEntries()
-            for form in terms:
+            for form in [*terms, *(stretching if terms is forms.tangent else [])]:
                 dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
                 # Zeros inserted on the diagonal and what the next form adds must not meet.
                 matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)

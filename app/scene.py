@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from app.errors import SceneError
-from forms.elements import ELEMENTS
+from forms.elements import ELEMENTS, MIXED_FROM, Choice, choose
 from forms.materials import MaterialError
+from forms.normalize import linearize
 from forms.tuned import tuned_energy
 from forms.volumetric import split
 from geometry import GeometryError, face_names
@@ -50,7 +51,7 @@ class Mesh(_Table):
 class Solve(_Table):
     """How it is solved."""
 
-    element: Literal[tuple(ELEMENTS)] | None = None  # type: ignore[valid-type]
+    element: Literal[(*ELEMENTS, "auto")] | None = None  # type: ignore[valid-type]
     steps: Count = 10
     tolerance: PositiveFloat = 1e-8
     max_iterations: Count = 60
@@ -153,7 +154,9 @@ class Start(_Table):
 class Output(_Table):
     """What is written beside `summary.json` and `history.csv`."""
 
-    fields: list[Literal["displacement", "J", "von_mises", "stretches", "energy", "stress"]] = ["displacement"]
+    fields: list[
+        Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]
+    ] = ["displacement"]
     picture: bool = True
 
 
@@ -182,8 +185,14 @@ class Scene(_Table):
 
     @property
     def element(self) -> str:
-        """Element name; the first-order one of the cell type unless asked for."""
+        """Element name; the first-order one of the cell type unless asked for, "auto" for a mesh not too large."""
+        if self.solve.element == "auto":
+            return self.chosen(self.cell).element
         return self.solve.element or ("Q1" if self.cell in ("hexahedron", "quadrilateral") else "P1")
+
+    def chosen(self, cell: str, cells: int = 0) -> Choice:
+        """What "auto" stands for on so many cells of a type."""
+        return choose(cell, _near_incompressible(self), cells)
 
 
 def load(source: str, overrides: Iterable[str] = ()) -> Scene:
@@ -398,6 +407,18 @@ def material_energy(scene: Scene) -> Any:
         return energy
     except MaterialError as error:
         raise SceneError(f"material: {error}") from None
+
+
+def _near_incompressible(scene: Scene) -> bool:
+    """Whether "auto" is to take a mixed element."""
+    if scene.material.extension is not None or scene.start is not None:
+        return False
+    try:
+        energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=True)
+        split(energy)
+    except MaterialError:
+        return False
+    return linearize(energy).poissons_ratio >= MIXED_FROM
 
 
 def mesh_arguments(scene: Scene) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from app.errors import NotConverged
 from app.newton import Count, Filter, Newton
 from app.problem import Array, Problem
+from app.start import uniform
 
 # Above this many unknowns a factorisation in 3D costs more than CG with algebraic multigrid.
 DIRECT_LIMIT = 60_000
@@ -19,6 +20,13 @@ DIRECT_LIMIT = 60_000
 # The trust region hands over where the forces have fallen to this share: the differences of the energy that it
 # lives on are lost in rounding near the minimum, where Newton's method needs no help.
 HANDOVER = 1e-4
+
+# How often the trust region takes over where Newton's method cannot go on, and the noise that moves the body off a
+# saddle point before, relative to its extent.
+ROAMS, NOISE = 3, 1e-4
+
+# Filtered steps in a row after which steps that know negative curvature do better.
+PATIENCE = 12
 
 __all__ = ["DIRECT_LIMIT", "Count", "Minimizer", "NotConverged", "rigid_motions"]
 
@@ -48,6 +56,7 @@ class Minimizer:
         self.x = _vector(problem)
         self._failure: NotConverged | None = None
         self._until: Callable[[], bool] | None = None
+        self._watchful, self._patience = False, np.inf
 
         self.snes = self._create_snes(self.matrix)
         self.snes.setType("python")
@@ -117,7 +126,9 @@ class Minimizer:
         except NotConverged as failure:
             self._failure = failure
             return PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_COUNT
-        if norms[2] <= max(HANDOVER, solve.tolerance) * self._scale:
+        # Where the last step met no negative curvature and stayed inside, Newton's would be the same.
+        inside = snes.getKSP().getConvergedReason() == PETSc.KSP.ConvergedReason.CONVERGED_RTOL
+        if inside and norms[2] <= max(HANDOVER, solve.tolerance) * self._scale:
             return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
         self.problem.set_state(self._full(snes.getSolution()))
         if self._until is not None and self._until():
@@ -134,7 +145,7 @@ class Minimizer:
             snes.monitor(iteration, norm)
 
         try:
-            values = Newton(self, self._full(x)).run(monitor, self._until)
+            values = Newton(self, self._full(x), self._watchful, self._patience).run(monitor, self._until)
             x.array[:] = values[: self.problem.owned]
             snes.setConvergedReason(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         except NotConverged as failure:
@@ -157,15 +168,27 @@ class Minimizer:
             into: The matrix; by default the one that `linear_solve` reads.
         """
         problem, matrix = self.problem, self.matrix if into is None else into
-        problem.potential.set_filter(filtering)
+        problem.potential.set_filter("clamp" if filtering == "shifted" else filtering)
         matrix.zeroEntries()
         for form in problem.potential.tangent:
             dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
         matrix.assemble()
+        if filtering == "shifted":
+            matrix.shift(self._shift)
         # A diagonal of the size of the others keeps the prescribed rows out of the conditioning.
         diagonal = matrix.getDiagonal()
         diagonal.array[problem.held[: problem.owned]] = self._typical(diagonal)
         matrix.setDiagonal(diagonal)
+
+    @cached_property
+    def _shift(self) -> float:
+        """A thousandth of the mean diagonal of the tangent at rest."""
+        kept = self.problem.state
+        self.problem.set_state(np.zeros_like(kept))
+        matrix = self._create_matrix()
+        self.assemble("none", matrix)
+        self.problem.set_state(kept)
+        return 1e-3 * matrix.getDiagonal().sum() / self.problem.size
 
     def _typical(self, diagonal: PETSc.Vec) -> float:
         largest = diagonal.norm(PETSc.NormType.INFINITY)
@@ -197,25 +220,42 @@ class Minimizer:
             raise NotConverged("indefinite", "the prediction's tangent is not positive definite")
         return np.where(problem.held, values + increment, values + step)
 
-    def minimize(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
+    def minimize(
+        self, values: Array, until: Callable[[], bool] | None = None, patience: float = PATIENCE
+    ) -> Array:
         """The minimiser from a state whose prescribed displacements are right.
 
         Args:
             values: The state.
             until: Stops early where it holds of the problem's state.
+            patience: Filtered steps in a row before the trust region takes over.
 
         Raises:
             NotConverged: With the kind of failure; the problem's state is then of no use.
         """
-        if self.problem.scene.solve.method == "trust-region":
+        problem = self.problem
+        if problem.scene.solve.method == "trust-region":
             values = self.roam(values, until)
+        can_roam = problem.potential.loads.conservative and problem.potential.can_filter
+        for seed in range(ROAMS if can_roam else 0):
+            try:
+                # A prediction may well be in balance: at rest, without loads.
+                self._watchful, self._patience = True, patience
+                return self._solve(self.snes, values, until)
+            except NotConverged as failure:
+                if failure.kind not in ("saddle", "crawling", "stalled", "indefinite"):
+                    raise
+                noise = NOISE * problem.extent * (2 * uniform(problem, seed) - 1)
+                shaken = failure.values + problem.joined(noise.ravel())
+                values = self.roam(np.where(problem.held, values, shaken), until)
+        self._watchful, self._patience = False, np.inf
         return self._solve(self.snes, values, until)
 
     def roam(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
-        """Goes by the trust region to where Newton's method can take over.
+        """Goes by the trust region to where Newton's method can take over, or as far as it gets.
 
         Raises:
-            NotConverged: If it does not get there, or the loads have no potential.
+            NotConverged: If the time is up, or the loads have no potential.
         """
         if not self.problem.potential.loads.conservative:
             raise NotConverged("undefined", "a trust region needs loads with a potential", values)
@@ -235,7 +275,7 @@ class Minimizer:
         result = self._full(self.x)
         self.problem.set_state(result)
         reason = snes.getConvergedReason()
-        if reason < 0:
+        if reason < 0 and snes.getType() != "newtontr":
             kind = "iterations" if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT else "stalled"
             raise NotConverged(kind, f"SNES {snes.getType()} stopped with reason {reason}", self.problem.state)
         return self.problem.state
@@ -254,6 +294,8 @@ class Minimizer:
         if reason in (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC):
             return None
         if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+            # A factorisation that met a singular matrix would stay failed.
+            ksp.getPC().reset()
             return None
         if self.direct and problem.potential.loads.conservative and self._negative_pivots() > 0:
             return None
@@ -262,14 +304,6 @@ class Minimizer:
         step = np.zeros_like(rhs)
         step[: problem.owned] = y.array_r
         return step if np.isfinite(problem.norm(step)) else None
-
-    def is_minimum(self) -> bool:
-        """Whether the tangent at the problem's state is positive definite, as far as its solver can tell."""
-        values = self.problem.state
-        self.assemble("none")
-        # Conjugate gradients find a negative eigenvalue only where the right-hand side has a share of its vector.
-        rhs = np.where(self.problem.held, 0.0, np.random.default_rng(0).standard_normal(len(values)))
-        return self.linear_solve(rhs, 1e-3) is not None
 
     def _negative_pivots(self) -> int:
         """Sylvester: as many as the tangent has negative eigenvalues."""

@@ -7,11 +7,15 @@ import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
+from numpy.typing import NDArray
 
 from forms.kinematics import deformation_gradient
 from forms.normalize import linearize
 from forms.potential import Loads, Potential
+from forms.spectral import pointwise
 from forms.volumetric import Split
+
+Array = NDArray[np.float64]
 
 
 class MixedPotential(Potential):
@@ -79,6 +83,25 @@ class MixedPotential(Potential):
         self.mass = fem.form(ufl.inner(q, r) * dx)
         self.share = fem.Constant(V.mesh, 0.0)
         self.stretching = fem.form(self.share * self.shear_modulus * ufl.inner(ufl.grad(v), ufl.grad(w)) * dx)
+
+
+def mixed_response(split: Split, H: Array, p: Array) -> tuple[Array, Array]:
+    """W + pθ - p²/(2λ) and its derivative in F, by the code that assembles W.
+
+    Args:
+        split: The energy.
+        H: F - I at points, shape (n, 3, 3).
+        p: Pressure there, shape (n,).
+
+    Returns:
+        Energy density, shape (n,), and first Piola-Kirchhoff stress, shape (n, 3, 3).
+    """
+    psi, P, _ = pointwise(split.shear, H)
+    a, b, c = np.moveaxis(np.eye(3) + H, 1, 0)
+    # ∂J/∂F; unlike J F⁻ᵀ it exists for every F.
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    theta, slope = split.strains(np.einsum("ni,ni->n", a, cofactor[:, 0]))
+    return psi + p * theta - p**2 / (2 * split.bulk), P + (p * slope)[:, None, None] * cofactor
 
 
 def _constants(split: Split, mesh: dolfinx.mesh.Mesh) -> Mapping[str, Any]:

@@ -1,56 +1,88 @@
-"""ψ as a μ part and λ/2 θ(J)²: what a pressure field needs to know of an energy."""
+"""ψ as a μ part and λ U(J): what a pressure field needs to know of an energy."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import ufl
-from ufl import classes
+from numpy.typing import NDArray
 from ufl.corealg.traversal import unique_pre_traversal
 
 from forms.energy import Energy, MaterialError, Parts, Values
-from forms.kinematics import PrincipalStretches, Scalar, as_numpy, evaluate
+from forms.kinematics import PrincipalStretches, Scalar, as_numpy
 from forms.normalize import linearize
 from forms.tuning import shear_part
 
-# Where the square root of an energy that vanishes at J = 1 gives way to a polynomial, fitted on twice the range.
-_NEAR, _DEGREE = 0.05, 12
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Split:
-    """ψ = W + λ/2 θ(J)², with no λ left in W at rest and θ(J) ≈ J - 1 near there.
-
-    Any energy U(J) of the volume ratio is a square, of θ = ±√(2U); a Lagrangian with p = λθ for its pressure
-    then has the same quadratic form in p for all of them, and a finite limit as λ grows: θ = 0 in the mean.
+    """ψ = W + λ U(J), with no λ left in W at rest and U ≈ (J - 1)²/2 near there.
 
     Attributes:
-        energy: ψ.
         shear: W as an energy of its own.
         bulk: λ_Lamé, infinite at ν = 0.5.
+        volume: U as a function of a UFL expression J.
     """
 
-    energy: Energy
     shear: Energy
     bulk: float
+    volume: Callable[[Scalar], Scalar]
 
-    def strain(self, J: Scalar, values: Values | None = None) -> Scalar:
-        """θ(J).
+    @cached_property
+    def _derivatives(self) -> Callable[..., tuple[Any, ...]]:
+        J = ufl.variable(ufl.as_ufl(1.0))
+        U = ufl.as_ufl(self.volume(J))
+        first = ufl.diff(U, J)
+        return as_numpy([U, first, ufl.diff(first, J)], [J])
+
+    def derivatives(self, J: Array) -> tuple[Array, Array, Array]:
+        """U, U' and U'' at volume ratios of any one shape."""
+        U, first, second = (np.broadcast_to(value, np.shape(J)) for value in self._derivatives(J))
+        return U, first, second
+
+    @cached_property
+    def quadratic(self) -> bool:
+        """Whether U is (J - 1)²/2, or as good as it because λ is infinite and J one."""
+        return bool(np.isinf(self.bulk) or np.all(self.derivatives(np.array([0.3, 0.7, 1.9]))[2] == 1))
+
+    def conjugate(self, p: Array) -> tuple[Array, Array, Array]:
+        """The energy that a pressure stores, the volume ratio that it makes, and the derivative of that ratio.
+
+        The first is Legendre's transform of λU, max over j of p (j - 1) - λU(j); the ratio is where the maximum
+        is, λU'(j) = p, on the branch through j = 1.
 
         Args:
-            J: Volume ratio, a UFL expression.
-            values: Replaces the energy's values, e.g. by UFL constants.
+            p: Pressures, positive under tension, of any shape.
+
+        Returns:
+            Three arrays of that shape, not a number where no ratio of the branch has that pressure.
         """
-        volume = _volume(self.energy, J, self.energy.values if values is None else values)
-        at_one = ufl.variable(ufl.as_ufl(1.0))
-        root = _root(volume)
-        if root is None:
-            return _signed_root(self.energy, J, volume)
-        slope = ufl.diff(_root(_volume(self.energy, at_one, self.energy.values)), at_one)
-        return root if evaluate(slope) > 0 else -root
+        if self.quadratic:
+            compliance = 1 / self.bulk
+            return compliance * p**2 / 2, 1 + compliance * p, np.full_like(p, compliance)
+        wanted, logarithm = p / self.bulk, np.zeros_like(p)
+        # Newton's method in log j, which keeps j positive; the branch ends where U'' = 0.
+        with np.errstate(all="ignore"):
+            for _ in range(60):
+                j = np.exp(logarithm)
+                _, first, second = self.derivatives(j)
+                step = np.clip((wanted - first) / (second * j), -0.5, 0.5)
+                logarithm = logarithm + step
+                if not np.nanmax(np.abs(step), initial=0.0) > 1e-15:
+                    break
+            j = np.exp(logarithm)
+            U, first, second = self.derivatives(j)
+            found = (np.abs(first - wanted) <= 1e-12 * (1 + np.abs(wanted))) & (second > 0)
+        j = np.where(found, j, np.nan)
+        return p * (j - 1) - self.bulk * U, j, 1 / (self.bulk * np.where(found, second, np.nan))
 
 
 def split(energy: Energy) -> Split:
-    """The energy as its μ part and the square of a volume strain.
+    """The energy as its μ part and a function of the volume ratio.
 
     Raises:
         MaterialError: If it has no λ part, or one that is not a function of J, or none that resists.
@@ -61,12 +93,13 @@ def split(energy: Energy) -> Split:
     J = ufl.variable(ufl.as_ufl(1.0))
     if not energy.objective or _others(_volume(energy, J, energy.values)):
         raise MaterialError(f"{energy.name}: a mixed element needs a λ part that is a function of J; use {way_out}")
-    bulk = linearize(energy).lame_lambda
-    if not bulk > 0:
-        raise MaterialError(f"{energy.name}: a mixed element needs nu above 0, got λ_Lamé = {bulk:g}")
+    at_rest = linearize(energy)
+    # A λ of pure rounding is none.
+    if not at_rest.lame_lambda > 1e-9 * at_rest.lame_mu:
+        raise MaterialError(f"{energy.name}: a mixed element needs nu above 0, got {at_rest.poissons_ratio:g}")
     mu_part, own, _ = shear_part(energy)
-    values = {**energy.values, **own}
-    return Split(energy, replace(energy, parts=lambda s, v: Parts(mu_part(s, v)), values=values), bulk)
+    shear = replace(energy, parts=lambda s, v: Parts(mu_part(s, v)), values={**energy.values, **own})
+    return Split(shear, at_rest.lame_lambda, lambda J: _volume(energy, J, energy.values))
 
 
 class _VolumeRatio(PrincipalStretches):
@@ -89,39 +122,3 @@ def _volume(energy: Energy, J: Scalar, values: Values) -> Scalar:
 def _others(volume: Scalar) -> bool:
     """Whether an expression holds stretches."""
     return not set(_VolumeRatio.symbols).isdisjoint(unique_pre_traversal(ufl.as_ufl(volume)))
-
-
-def _root(U: Scalar) -> Scalar | None:
-    """θ with θ²/2 = U up to its sign, where U is written as products of squares; otherwise None."""
-    root = _square_root(ufl.as_ufl(U))
-    return None if root is None else np.sqrt(2) * root
-
-
-def _square_root(x: Scalar) -> Scalar | None:
-    if isinstance(x, classes.RealValue):
-        return np.sqrt(float(x))
-    if isinstance(x, classes.Power):
-        base, exponent = x.ufl_operands
-        even = isinstance(exponent, classes.RealValue) and float(exponent) % 2 == 0
-        return base ** int(float(exponent) / 2) if even else None
-    if isinstance(x, classes.Product | classes.Division):
-        a, b = (_square_root(operand) for operand in x.ufl_operands)
-        if a is None or b is None:
-            return None
-        return a * b if isinstance(x, classes.Product) else a / b
-    return None
-
-
-def _signed_root(energy: Energy, J: Scalar, U: Scalar) -> Scalar:
-    """±√(2U), about J = 1 by a polynomial: the root's own derivatives are 0/0 there."""
-    at = ufl.variable(ufl.as_ufl(1.0))
-    function = as_numpy([_volume(energy, at, energy.values)], [at])
-    # An even number of nodes keeps away from the centre.
-    nodes = 2 * _NEAR * np.cos(np.pi * (np.arange(2 * _DEGREE) + 0.5) / (2 * _DEGREE))
-    ratio = np.sqrt(2 * function(1 + nodes)[0]) / np.abs(nodes)
-    coefficients = np.polynomial.Polynomial.fit(nodes, ratio, _DEGREE).convert().coef
-    e = J - 1
-    near: Scalar = 0.0
-    for coefficient in reversed(coefficients):
-        near = near * e + float(coefficient)
-    return ufl.conditional(ufl.lt(abs(e), _NEAR), e * near, ufl.sign(e) * ufl.sqrt(2 * U))

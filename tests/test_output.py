@@ -28,7 +28,7 @@ from app.xdmf import FieldFile, WholeMesh, replace_text
 from forms.materials import make
 from geometry import build
 
-ALL = ["displacement", "J", "von_mises", "stretches", "energy", "stress"]
+ALL = ["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]
 LAM, MU = 0.7, 0.4
 SHEARED = np.array([[1.3, 0.2, -0.1], [0.05, 0.8, 0.3], [0.1, -0.2, 1.1]])
 
@@ -70,6 +70,7 @@ def _neo_hookean(F: np.ndarray) -> dict[str, Any]:
         "stretches": np.sqrt(np.linalg.eigvalsh(C))[::-1],
         "energy": MU / 2 * (np.trace(C) - 3) - MU * math.log(J) + LAM / 2 * math.log(J) ** 2,
         "stress": sigma,
+        "pressure": -np.trace(sigma) / 3,
         "von_mises": math.sqrt(sum((principal[i] - principal[i - 1]) ** 2 for i in range(3)) / 2),
     }
 

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 import geometry
 from app.errors import SceneError
+from app.problem import prescribed_motion
 from app.scene import Scene, material_energy, mesh_arguments
 from forms.kinematics import GradientMeasures, deformation_gradient
 
@@ -53,7 +54,7 @@ class Tutorial:
 
 
 def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
-    """Solves a scene whose faces are fixed or moved, in `solve.steps` equal steps.
+    """Solves a scene whose faces are fixed, moved or turned, in `solve.steps` equal steps.
 
     Raises:
         SceneError: If the scene has other conditions, or another element than P1 and Q1.
@@ -69,9 +70,9 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
     faces, motions, conditions = {}, [], []
     for face, condition in scene.boundary.items():
         faces[face] = fem.locate_dofs_topological(V, d - 1, body.facets(face))
-        motion = fem.Constant(mesh, np.zeros(d))
-        motions.append((motion, np.array(condition.move or np.zeros(d))))
-        conditions.append(fem.dirichletbc(motion, faces[face], V))
+        motion = fem.Function(V)
+        motions.append((motion, condition))
+        conditions.append(fem.dirichletbc(motion, faces[face]))
 
     energy = material_energy(scene)
     F = deformation_gradient(u)
@@ -93,8 +94,9 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
 
     newton = 0
     for step in range(1, scene.solve.steps + 1):
-        for motion, full in motions:
-            motion.value[:] = full * step / scene.solve.steps
+        for motion, condition in motions:
+            moved = prescribed_motion(condition, V.tabulate_dof_coordinates(), step / scene.solve.steps)
+            motion.x.array[:] = moved[:, :d].ravel()
         iterations, converged = solver.solve(u)
         newton += iterations
         if not converged or not np.isfinite(u.x.array).all():
@@ -117,8 +119,8 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
 
 def _check(scene: Scene) -> None:
     for face, condition in scene.boundary.items():
-        if condition.kind not in ("fix", "move"):
-            raise SceneError(f"boundary.{face}.{condition.kind}: the tutorial's solver takes fix and move only")
+        if condition.kind not in ("fix", "move", "rotate"):
+            raise SceneError(f"boundary.{face}.{condition.kind}: the tutorial's solver takes fix, move and rotate only")
     if scene.body is not None:
         raise SceneError("body: the tutorial's solver takes no body force")
     if scene.element not in ("P1", "Q1"):

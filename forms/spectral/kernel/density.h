@@ -42,8 +42,15 @@ static inline void density_at(const double s[3], const double deciding[3], const
 #define SKIP(wanted) (void)wanted
 #endif
 
+/* Of one point a call would take longer than the formulas of many an energy. */
+#if LANES == 1
+#define INLINE_AT_ONE_POINT inline __attribute__((always_inline))
+#else
+#define INLINE_AT_ONE_POINT __attribute__((noinline))
+#endif
+
 #define DENSITY(name, ...)                                                                                             \
-  static __attribute__((noinline)) void name(const lanes s[3], const lanes deciding[3], const double *c, mask wanted, \
+  static INLINE_AT_ONE_POINT void name(const lanes s[3], const lanes deciding[3], const double *c, mask wanted, \
                                              struct jet *out)                                                         \
   {                                                                                                                    \
     FOR_LANES                                                                                                          \

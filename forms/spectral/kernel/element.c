@@ -58,7 +58,14 @@ static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *de
 #endif
 }
 
-static __attribute__((noinline)) void load(int n, const double *w, const double *x, struct batch *b)
+/* The closed form of the plane is short enough to be compiled into each kernel. */
+#if DIM == 2
+#define PREPARE static inline __attribute__((always_inline))
+#else
+#define PREPARE static __attribute__((noinline))
+#endif
+
+PREPARE void load(int n, const double *w, const double *x, struct batch *b)
 {
   lanes J[DIM][DIM], K[DIM][DIM], R[DIM][DIM], det, H[3][3];
   for (int i = 0; i < DIM; ++i)
@@ -153,8 +160,6 @@ KERNEL(residual)
     for (int i = 0; i < DIM; ++i)
       A[DIM * a + i] += R[i][a / ROW][a % ROW];
 }
-
-#include "moduli.h"
 
 #if LINEAR && LANES == 1
 #include "tangent_simplex.h"

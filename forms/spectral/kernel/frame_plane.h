@@ -7,39 +7,37 @@
  * and both terms are read off F.
  */
 
-/* (cos, sin) along (x, y), of length r; of angle zero where r is. */
-static inline void unit(lanes x, lanes y, lanes r, lanes *cosine, lanes *sine)
+/* Length of (x, y), and cos and sin of the angle along it: zero where there is no length. */
+static inline lanes direction(lanes x, lanes y, lanes *cosine, lanes *sine)
 {
-  const mask none = r == 0;
-  const lanes over = 1 / choose(none, all(1), r);
-  *cosine = choose(none, all(1), x * over);
+  const lanes nonzero = x + 1e-150, length = root(nonzero * nonzero + y * y), over = 1 / length;
+  *cosine = nonzero * over;
   *sine = y * over;
+  return length;
 }
 
 /* H[i][j] = ∂u_i/∂X_j. */
 static inline void decompose(const lanes H[3][3], struct frame *f)
 {
   const lanes trace = H[0][0] + H[1][1];
-  lanes cos_turn = all(1), sin_turn = all(0);
 #if OBJECTIVE
   const lanes x = 1 + 0.5 * trace, y = 0.5 * (H[1][0] - H[0][1]);
-  const lanes mean = root(x * x + y * y);
-  unit(x, y, mean, &cos_turn, &sin_turn);
+  lanes cos_turn, sin_turn;
+  const lanes mean = direction(x, y, &cos_turn, &sin_turn);
   /* mean - 1 without cancellation. */
   const lanes excess = (trace * (1 + 0.25 * trace) + y * y) / (mean + 1);
 #else
-  const lanes excess = 0.5 * trace;
+  const lanes x = all(1), y = all(0), mean = x, cos_turn = x, sin_turn = y, excess = 0.5 * trace;
 #endif
   const lanes v = 0.5 * (H[0][0] - H[1][1]), w = 0.5 * (H[1][0] + H[0][1]);
   const lanes half_gap = root(v * v + w * w);
 
   /* cos and sin of 2β times half the gap. The smaller of the two angles that serve has no cancellation: the longer
    * stretch is the first or the second. */
-  const lanes c = v * cos_turn + w * sin_turn, s = w * cos_turn - v * sin_turn;
-  const mask first = c >= 0;
-  const lanes along = half_gap + magnitude(c), across = choose(first, s, -s);
+  const lanes c = v * x + w * y, s = w * x - v * y;
+  const lanes sign = with_sign(all(1), c);
   lanes cosine, sine;
-  unit(along, across, root(along * along + across * across), &cosine, &sine);
+  direction(mean * half_gap + magnitude(c), sign * s, &cosine, &sine);
 
   for (int n = 0; n < 3; ++n)
     for (int i = 0; i < 3; ++i)
@@ -51,17 +49,18 @@ static inline void decompose(const lanes H[3][3], struct frame *f)
   f->U[0][1] = sin_turn * cosine + cos_turn * sine;
   f->U[1][0] = -f->U[0][1];
 
-  f->small = all(0) == all(0);
-  f->e[0] = excess + choose(first, half_gap, -half_gap);
-  f->e[1] = excess - choose(first, half_gap, -half_gap);
+  f->small = all(0) != all(0);
+  const lanes difference = sign * half_gap;
+  f->e[0] = excess + difference;
+  f->e[1] = excess - difference;
   f->e[2] = all(0);
 #if OBJECTIVE
   /* The smaller one from det F: all its digits. */
   const lanes longer = mean + half_gap;
   const lanes volume = (1 + H[0][0]) * (1 + H[1][1]) - H[0][1] * H[1][0];
-  const lanes shorter = volume / choose(longer == 0, all(1), longer);
-  f->s[0] = choose(first, longer, shorter);
-  f->s[1] = choose(first, shorter, longer);
+  const lanes shorter = volume / longer;
+  f->s[0] = choose(c < 0, shorter, longer);
+  f->s[1] = choose(c < 0, longer, shorter);
 #else
   f->s[0] = 1 + f->e[0];
   f->s[1] = 1 + f->e[1];

@@ -3,9 +3,9 @@
  * With one lane these are plain scalars, so that a linear tetrahedron pays nothing for the rest.
  */
 #pragma once
-#if LANES == 1 && defined(__x86_64__)
-/* Loops over the twelve unknowns of a linear tetrahedron are three registers of four, not one and a half of eight. */
-#pragma GCC target("prefer-vector-width=256")
+#if LANES == 1
+/* Vectors made of scalars just stored cost more here than they save. */
+#pragma GCC optimize("no-tree-vectorize")
 #endif
 #include <float.h>
 #include <math.h>
@@ -17,7 +17,7 @@
 typedef double lanes;
 typedef int mask;
 #define LANE(x, l) (x)
-static inline lanes choose(mask m, lanes yes, lanes no) { return m ? yes : no; }
+static inline lanes choose(mask m, lanes yes, lanes no) { return __builtin_expect_with_probability(m, 1, 0.5) ? yes : no; }
 #else
 typedef double lanes __attribute__((vector_size(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES)));
@@ -53,6 +53,14 @@ static inline lanes magnitude(lanes x)
 {
   lanes r;
   FOR_LANES LANE(r, l) = fabs(LANE(x, l));
+  return r;
+}
+
+/* The size of x with the sign of y. */
+static inline lanes with_sign(lanes x, lanes y)
+{
+  lanes r;
+  FOR_LANES LANE(r, l) = copysign(LANE(x, l), LANE(y, l));
   return r;
 }
 

@@ -1,0 +1,226 @@
+"""Studies: their files, what becomes of them, and what is read off their results."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.cases import cases, overkill
+from app.errors import UserError
+from app.orders import fitted_order, limit, price
+from app.records import Records
+from app.study import StudyError, load_study, shipped
+from forms.energy import CATALOGUE
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+GOOD = """
+title = "A small study"
+scene = "cube-pull"
+plot = "force"
+[quantities.force]
+reaction = "right"
+along = "x"
+[reference]
+overkill = { solve.element = "Q2", mesh.cells = 2 }
+[set]
+solve.steps = 1
+boundary.right = { move = [0.1, 0.0, 0.0] }
+[[series]]
+label = "ours"
+vary = { material.nu = [0.2, 0.3], mesh.cells = [1, 2] }
+"""
+
+# What is replaced in the good study, by what, and words that the one line must have.
+BROKEN = {
+    "unknown key": ("title", "titel", ["titel", "unknown"]),
+    "no title": ('title = "A small study"\n', "", ["title", "missing"]),
+    "unknown scene": ('"cube-pull"', '"cube-push"', ["cube-push", "cube-pull"]),
+    "unknown quantity": ('plot = "force"', 'plot = "stress"', ["plot", "stress", "energy, volume_ratio, force"]),
+    "no axis": ('along = "x"\n', "", ["quantities.force", "along", "about"]),
+    "axis": ('along = "x"', 'along = "w"', ["quantities.force.along", "'w'"]),
+    "free face": ('reaction = "right"', 'reaction = "top"', ["quantities.force.reaction", "left or right"]),
+    "two references": ("overkill =", "manufactured = true\noverkill =", ["reference", "exactly one"]),
+    "two values to extrapolate": (
+        "[set]",
+        "extrapolate = { mesh.cells = [1, 2] }\n[set]",
+        ["reference", "three values"],
+    ),
+    "impossible reference": ("mesh.cells = 2 }", 'mesh.cells = 2, mesh.cell = "tetrahedron" }', ["Q2", "tetrahedron"]),
+    "number for a list": ("[1, 2] }", "2 }", ["vary.mesh.cells", "list"]),
+    "no cells": ("[1, 2] }", "[0, 2] }", ["mesh.cells", "mesh.cells = 0"]),
+    "unknown solver": ("label", 'solver = "abacus"\nlabel', ["series.0.solver", "tutorial"]),
+    "no ranks": ("label", "ranks = 0\nlabel", ["series.0.ranks", "1"]),
+    "unknown material": ("[set]\n", '[set]\nmaterial.name = "steel"\n', ["steel", "material"]),
+    "not TOML": ("[set]", "[set", ["not TOML"]),
+}
+
+
+def write(folder: Path, text: str) -> str:
+    (folder / "small.toml").write_text(text)
+    return str(folder / "small.toml")
+
+
+# ---------------------------------------------------------------------- files
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_bad_studies_are_told_in_a_line(name: str, tmp_path: Path) -> None:
+    old, new, words = BROKEN[name]
+    assert old in GOOD
+    with pytest.raises(UserError) as error:
+        cases(load_study(write(tmp_path, GOOD.replace(old, new, 1))))
+    assert "\n" not in str(error.value)
+    for word in words:
+        assert word in str(error.value), str(error.value)
+
+
+def test_bad_studies_end_with_status_2(elastune: Command, tmp_path: Path) -> None:
+    for study in ("no-such-study", write(tmp_path, GOOD.replace("[0.2, 0.3]", "[0.2, 0.6]"))):
+        done = elastune("converge", study)
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr.count("\n") == 1 and done.stderr.startswith("elastune: ")
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_shipped_studies_are_sound(name: str) -> None:
+    found = cases(load_study(name))
+    assert len({(case.solver, case.ranks, case.key) for case in found}) == len(found)
+
+
+def test_shipped_studies_are_listed(elastune: Command) -> None:
+    listed = elastune("converge").stdout
+    assert [line.split()[0] for line in listed.splitlines()] == shipped()
+    assert {"cube-pull", "cylinder-twist", "cook", "mms", "materials"} <= set(shipped())
+
+
+def test_the_study_of_materials_has_them_all() -> None:
+    assert {case.scene.material.name for case in cases(load_study("materials"))} == set(CATALOGUE)
+
+
+def test_cases_and_their_names(tmp_path: Path) -> None:
+    study = load_study(write(tmp_path, GOOD))
+    found = cases(study)
+    assert [case.curve for case in found] == ["ours, ν = 0.2"] * 2 + ["ours, ν = 0.3"] * 2
+    assert [case.scene.mesh.cells for case in found] == [1, 2, 1, 2]
+    assert found[0].key.endswith("material.nu=0.2 mesh.cells=1")
+    (reference,) = overkill(study, found[2])
+    assert reference["solve.element"] == "Q2" and reference["material.nu"] == 0.3
+    with_panels = load_study(write(tmp_path, GOOD.replace("[quan", 'panels = "material.nu"\n[quan', 1)))
+    assert {(case.curve, case.panel) for case in cases(with_panels)} == {("ours", "ν = 0.2"), ("ours", "ν = 0.3")}
+
+
+# ---------------------------------------------------------------------- what errors say
+
+
+def test_orders() -> None:
+    h = np.array([1, 1 / 2, 1 / 4, 1 / 8])
+    assert fitted_order(list(h), list(3 * h**2.5)) == pytest.approx(2.5)
+    # Only the finest three count, in whatever order they come.
+    assert fitted_order([0.25, 1, 0.125, 0.5], [0.0625, 100.0, 0.015625, 0.25]) == pytest.approx(2)
+    assert np.isnan(fitted_order([1.0], [1.0]))
+
+
+def test_limit() -> None:
+    assert limit([5 + 3 * q for q in (1, 0.3, 0.09)]) == pytest.approx(5)
+    assert limit([2.0, 1.0, 1.0]) == 1.0
+    with pytest.raises(ValueError, match="shrink"):
+        limit([1.0, 2.0, 3.0])
+
+
+def test_price_takes_no_credit_for_luck() -> None:
+    points = [(1.0, 0.1), (2.0, 0.001), (4.0, 0.02), (8.0, 0.005), (16.0, 0.001)]
+    assert price(points, 0.01) == 8.0
+    assert price(points, 0.03) == 2.0
+    assert price(points, 1e-4) == float("inf")
+
+
+# ---------------------------------------------------------------------- records
+
+
+def test_records_survive_a_crash_and_refuse_strangers(tmp_path: Path) -> None:
+    path = tmp_path / "cases.csv"
+    entries: dict[str, Any] = dict.fromkeys(
+        ("curve", "settings", "message", "element", "cells", "dofs", "newton", "memory_mb"), "1"
+    )
+    entries |= {"solver": "elastune", "ranks": 1, "repeat": 1, "status": "converged", "seconds": 0.25}
+    Records(path, ["energy", "force"]).append(entries, {"force": 1 / 3})
+    with path.open("a") as file:
+        file.write("half a r")
+    (record,) = Records(path, ["energy", "force"]).all
+    assert record.values == {"force": 1 / 3}
+    assert record.seconds == 0.25 and record.converged
+    with pytest.raises(UserError, match="another study"):
+        Records(path, ["energy", "torque"])
+
+
+# ---------------------------------------------------------------------- from end to end
+
+
+def test_a_study_is_run_once(elastune: Command, tmp_path: Path) -> None:
+    tutorial = '[[series]]\nlabel = "tutorial"\nsolver = "tutorial"\nvary = { mesh.cells = [1, 2] }\n'
+    text = GOOD.replace("[set]", "[set]\nsolve.quadrature = 4\nsolve.tolerance = 1e-11") + tutorial
+    study = write(tmp_path, text)
+    first = elastune("converge", study, "--out", "here")
+    assert first.returncode == 0, first.stderr
+    # Three curves of two cases, and a reference for each Poisson's ratio.
+    *runs, last = first.stdout.splitlines()
+    assert len(runs) == 8 and last.startswith("results: ")
+    written = {path.name: path for path in (tmp_path / "here").iterdir()}
+    assert set(written) == {
+        "cases.csv", "errors.csv", "table.md", "error-time.png", "error-memory.png", "error-size.png",
+    }  # fmt: skip
+    for name, path in written.items():
+        assert 0 < path.stat().st_size < 200_000, name
+    records = Records(written["cases.csv"], ["energy", "volume_ratio", "force"]).all
+    forces = {(r.entries["solver"], r.entries["settings"].rsplit(" ", 1)[0][-4:], r.entries["cells"]): r for r in records}
+    # Two solvers, one discretisation.
+    ours = [r.values["force"] for r in records if "nu=0.3" in r.entries["settings"] and r.entries["element"] == "Q1"]
+    theirs = [r.values["force"] for r in records if r.entries["solver"] == "tutorial"]
+    assert ours == pytest.approx(theirs, rel=1e-7)
+    assert len(forces) >= 6
+    assert all(float(r.entries["memory_mb"]) > 50 and r.seconds > 0 for r in records)
+
+    again = elastune("converge", study, "--out", "here")
+    assert again.returncode == 0
+    assert again.stdout.splitlines() == [last]
+
+
+def test_what_takes_too_long_is_given_up(elastune: Command, tmp_path: Path) -> None:
+    text = GOOD.replace("[quantities", "timeout = 0.2\n[quantities", 1)
+    text = text.replace('overkill = { solve.element = "Q2", mesh.cells = 2 }', "stated = [{ values = { force = 1.0 } }]")
+    done = elastune("converge", write(tmp_path, text), "--out", "here")
+    assert done.returncode == 0, done.stderr
+    # Finer meshes than one that was given up are not tried.
+    assert done.stdout.count("timeout") == 2
+    assert "timeout" in (tmp_path / "here" / "table.md").read_text()
+
+
+def test_ranks_agree_on_errors(elastune: Command, tmp_path: Path) -> None:
+    study = """
+title = "Ranks"
+scene = "cube-pull"
+plot = "l2"
+reference = { manufactured = true }
+set = { solve.steps = 1, solve.tolerance = 1e-11 }
+vary = { mesh.cells = [2] }
+[[series]]
+label = "one"
+[[series]]
+label = "two"
+ranks = 2
+"""
+    done = elastune("converge", write(tmp_path, study), "--out", "here")
+    assert done.returncode == 0, done.stderr
+    one, two = Records(
+        tmp_path / "here" / "cases.csv", ["energy", "volume_ratio", "l2", "h1", "stress", "pressure"]
+    ).all
+    assert one.values == pytest.approx(two.values, rel=1e-8)
+    refused = elastune("converge", write(tmp_path, study), ranks=2)
+    assert refused.returncode == 2
+    assert "ranks" in refused.stderr
