@@ -4,9 +4,11 @@ As a program, `python -m app.case JSON`, it prints what it measured as the last 
 """
 
 import json
+import os
 import resource
 import sys
 import time
+import traceback
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -182,4 +184,10 @@ def main(request: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    main(json.loads(sys.argv[1]))
+    try:
+        main(json.loads(sys.argv[1]))
+    except Exception:
+        # Without MPI's farewell, which would wait for the other ranks: mpirun then ends them.
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)

@@ -37,7 +37,7 @@ class Case:
     @property
     def key(self) -> str:
         """Settings in a line, as `elastune run --set` takes them; with solver and ranks it tells cases apart."""
-        return " ".join(f"{name}={json.dumps(value)}" for name, value in self.settings.items())
+        return " ".join(f"{name}={json.dumps(value)}" for name, value in sorted(self.settings.items()))
 
     @property
     def curve_settings(self) -> Settings:

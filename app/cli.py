@@ -67,10 +67,12 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser(
         "converge",
         help="run a study of errors against run time",
-        description="Runs the cases of a study that its folder lacks, each in its own process; writes tables and figures.",
+        description="Runs what its folder lacks of a study, each case in its own process; draws tables and figures.",
     )
     command.add_argument("study", nargs="?", help="a study file, or the name of a shipped study; none lists them")
-    command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/converge/STUDY)")
+    command.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the results (default: results/converge/STUDY)"
+    )
 
     command = commands.add_parser(
         "stress",
@@ -85,6 +87,14 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("bench", help="time the solver against others")
     command.add_argument("name", choices=sorted(_BENCHES), help="what is measured")
     command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/bench"), help="folder of the results")
+    extent = command.add_mutually_exclusive_group()
+    extent.add_argument("--quick", action="store_true", help="kernels: two materials only")
+    extent.add_argument(
+        "--all",
+        dest="everything",
+        action="store_true",
+        help="kernels: UFL's form of every stretch-based material too, which take long to compile",
+    )
     return parser
 
 
@@ -210,23 +220,46 @@ def _stress(options: Any, petsc: list[str]) -> int:
 
 
 def _bench(options: Any, petsc: list[str]) -> int:
-    _BENCHES[options.name](options.out)
+    if (options.quick or options.everything) and options.name != "kernels":
+        raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
+    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
+        raise UserError("elastune bench: expected one process")
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {options.out}: cannot be written: {error.strerror}") from None
+    if not os.access(options.out, os.W_OK):
+        raise UserError(f"--out {options.out}: cannot be written: Permission denied")
+    _BENCHES[options.name](options)
     return OK
 
 
-def _bench_twist(out: Path) -> None:
+def _bench_kernels(options: Any) -> None:
+    from app.bench.compilation import compilations
+    from app.bench.kernel_tables import summary, write
+    from app.bench.kernels import measure, plan
+
+    what = plan(options.quick, options.everything)
+    rows = list(measure(what, lambda line: print(line, flush=True)))
+    compiled = compilations(list(what.elements), what.materials)
+    print("\n".join(summary(rows, compiled)))
+    print("results: " + ", ".join(map(str, write(rows, compiled, options.out))))
+
+
+def _bench_twist(options: Any) -> None:
     from app.bench.twist import twist
 
     result = twist()
-    print(f"elastune, one step:  {result.ours:6.2f} s, {result.ours_newton} Newton steps, energy {result.energies[0]:.10g}")
-    print(f"tutorial, ten steps: {result.theirs:6.2f} s, {result.theirs_newton} Newton steps, energy {result.energies[1]:.10g}")
+    ours, theirs = result.energies
+    print(f"elastune, one step:  {result.ours:6.2f} s, {result.ours_newton} Newton steps, energy {ours:.10g}")
+    print(f"tutorial, ten steps: {result.theirs:6.2f} s, {result.theirs_newton} Newton steps, energy {theirs:.10g}")
     print(f"time against the tutorial's: {result.ours / result.theirs:.3f}")
 
 
-def _bench_stretch(out: Path) -> None:
+def _bench_stretch(options: Any) -> None:
     from app.bench.stretch import stretch, write
 
-    print("results: " + ", ".join(map(str, write(stretch(), out))))
+    print("results: " + ", ".join(map(str, write(stretch(), options.out))))
 
 
 def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
@@ -245,6 +278,13 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     return table
 
 
-_BENCHES = {"twist": _bench_twist, "stretch": _bench_stretch}
+_BENCHES = {"kernels": _bench_kernels, "twist": _bench_twist, "stretch": _bench_stretch}
 
-_COMMANDS = {"run": _run, "scenes": _scenes, "materials": _materials, "converge": _converge, "stress": _stress, "bench": _bench}
+_COMMANDS = {
+    "run": _run,
+    "scenes": _scenes,
+    "materials": _materials,
+    "converge": _converge,
+    "stress": _stress,
+    "bench": _bench,
+}

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -90,8 +91,7 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         "quantities": {name: quantity.model_dump(exclude_none=True) for name, quantity in study.quantities.items()},
     }
     launcher = ["mpirun", "-n", str(case.ranks)] if case.ranks > 1 else []
-    # mpi4py ends all ranks when one of them fails.
-    command = [*launcher, sys.executable, "-m", "mpi4py", "-m", "app.case", json.dumps(request)]
+    command = [*launcher, sys.executable, "-m", "app.case", json.dumps(request)]
     nothing: dict[str, Any] = {
         "element": case.scene.element,
         "cells": 0,
@@ -101,7 +101,7 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         "memory_mb": "nan",
         "values": {},
     }
-    # A session of its own, so that a case that is given up takes its ranks and compilers with it.
+    # A session of its own, so that a case that is given up takes its compilers with it.
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -111,8 +111,12 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         return nothing | {"status": "timeout", "message": f"not done after {study.timeout:g} s"}
     finally:
         if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
+            # The ranks are no children of ours: mpirun ends them, if it is asked and not killed.
+            os.killpg(process.pid, signal.SIGTERM)
+            with suppress(subprocess.TimeoutExpired):
+                process.communicate(timeout=10)
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
     if process.returncode != 0:
         reason = (errors.strip().splitlines() or [f"exit status {process.returncode}"])[-1]
         return nothing | {"status": "failed", "message": reason}
@@ -122,7 +126,8 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
 def _line(study: Study, case: Case, record: Record) -> str:
     entries = record.entries
     telling = {name: value for name, value in case.settings.items() if name in REFINEMENT}
-    head = ", ".join([case.curve, *([case.panel] if case.panel else []), *(f"{name} = {value}" for name, value in telling.items())])
+    words = [case.curve, case.panel, *(f"{name} = {value}" for name, value in telling.items())]
+    head = ", ".join(word for word in words if word)
     if not record.converged:
         return f"{head}: {entries['status']}: {entries['message']}"
     value = record.values.get(study.plot, float("nan"))

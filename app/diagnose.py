@@ -56,7 +56,7 @@ def _shape(problem: Problem) -> dict[str, Any]:
     cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
     H = np.zeros((len(cells) * len(points), 3, 3))
     H[:, :d, :d] = np.asarray(gradient.eval(mesh, cells)).reshape(-1, d, d)
-    finite = np.isfinite(H).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(H).all(axis=(1, 2)))
     F = np.where(finite[:, None, None], np.eye(3) + H, np.eye(3))
     J = np.where(finite, np.linalg.det(F), np.nan)
     stretches = np.linalg.svd(F, compute_uv=False)
@@ -91,7 +91,7 @@ def _ellipticity(problem: Problem, H: Array) -> float:
         return np.inf
     with np.errstate(all="ignore"):
         tangent = pointwise(energy, H, problem.scene.material.extension)[2].reshape(-1, 3, 3, 3, 3)
-    tangent = tangent[np.isfinite(tangent).all(axis=(1, 2, 3, 4))]
+    tangent = tangent[np.asarray(np.isfinite(tangent).all(axis=(1, 2, 3, 4)))]
     # Fibonacci's points on the half sphere.
     k = np.arange(60)
     z, angle = (k + 0.5) / 60, k * np.pi * (3 - np.sqrt(5))
@@ -146,7 +146,7 @@ def _advice(problem: Problem, kind: str, found: dict[str, Any]) -> list[str]:
     if found["unbounded_below"]:
         advice.append("take another material or a smaller load: this energy has no minimum to find")
     if found["ellipticity"] < 0:
-        advice.append("take another material or alpha: this one loses ellipticity there, and the mesh decides what folds")
+        advice.append("take another material: this one loses ellipticity there, and the mesh decides what folds")
     if found["locking"]:
         advice.append('set solve.element = "P2" or "Q2", or a mixed one: "P2-P1", "Q2-P1d"')
     if not problem.potential.can_filter:

@@ -18,10 +18,9 @@ from app.problem import Problem
 from app.scene import Condition, Scene
 from forms.elements import ELEMENTS
 from forms.energy import Energy
-from forms.kinematics import as_numpy
+from forms.mixed import mixed_response
 from forms.normalize import linearize
 from forms.spectral import pointwise
-from forms.volumetric import Split
 from geometry import face_names
 
 Array = NDArray[np.float64]
@@ -44,7 +43,7 @@ class Waves:
         self.waves = _WAVES * mask
 
     def displacement(self, X: Array) -> Array:
-        """u at points, both of shape (n, 3)."""
+        """The displacement at points, both of shape (n, 3)."""
         return X @ self.linear.T + np.sin(X @ self.waves.T + _PHASES) @ self.amplitudes
 
     def gradient(self, X: Array) -> Array:
@@ -69,23 +68,6 @@ def response(energy: Energy, H: Array) -> tuple[Array, Array, Array]:
     D = at_rest.lame_lambda * np.einsum("ij,kl->ijkl", eye, eye) + at_rest.lame_mu * symmetric
     P = np.einsum("ijkl,nkl->nij", D, H)
     return np.einsum("nij,nij->n", P, H) / 2, P, np.tile(D.reshape(9, 9), (len(H), 1, 1))
-
-
-def mixed_response(split: Split, H: Array, p: Array) -> tuple[Array, Array]:
-    """W + pθ - p²/(2λ) and its derivative in F, shapes (n,) and (n, 3, 3), at pressures p of shape (n,)."""
-    psi, P, _ = pointwise(split.shear, H)
-    F = np.eye(3) + H
-    J = np.linalg.det(F)
-    strain, slope = _volume_strain(split, J)
-    cofactor = J[:, None, None] * np.linalg.inv(F).swapaxes(1, 2)
-    return psi + p * strain - p**2 / (2 * split.bulk), P + (p * slope)[:, None, None] * cofactor
-
-
-def _volume_strain(split: Split, J: Array) -> tuple[Array, Array]:
-    """θ and dθ/dJ."""
-    at = ufl.variable(ufl.as_ufl(1.0))
-    theta = split.strain(at)
-    return as_numpy([theta, ufl.diff(theta, at)], [at])(J)  # type: ignore[return-value]
 
 
 def body_force(energy: Energy, exact: Waves, X: Array) -> Array:
@@ -140,14 +122,15 @@ class Manufactured(Problem):
         else:
             p = points.evaluate(self.p, points.cells)[:, 0]
             psi, P = mixed_response(self.split, H, p)
-            pressures = {"pressure": (p, self.split.bulk * _volume_strain(self.split, J_exact)[0])}
+            pressures = {"pressure": (p, self.split.bulk * self.split.derivatives(J_exact)[1])}
 
         def total(values: Array) -> float:
             return self.comm.allreduce(float(weights @ values))
 
         def error(values: Array, exact: Array) -> float:
-            square = (np.square(values - exact).reshape(len(X), -1).sum(1), np.square(exact).reshape(len(X), -1).sum(1))
-            return float(np.sqrt(total(square[0]) / total(square[1])))
+            axes = tuple(range(1, exact.ndim))
+            wrong, right = (total(np.square(field).sum(axis=axes)) for field in (values - exact, exact))
+            return float(np.sqrt(wrong / right))
 
         return {
             "l2": error(points.values(self.u), self.exact.displacement(X)),

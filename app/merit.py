@@ -66,9 +66,9 @@ class Merit:
         """Moves along a step; its accepted length, or None if no length lowers the merit.
 
         Backtracking with the sufficient decrease of Armijo; where the decrease drowns in the rounding of Π the
-        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005), or the forces. The step of a filtered
-        tangent knows nothing of what lies far away: it moves no node by more than half the body's size at first,
-        and is doubled as long as Π falls.
+        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005), or the forces. The step of a
+        filtered tangent knows nothing of what lies far away: it moves no node by more than half the body's size at
+        first, and is doubled as long as Π falls.
 
         Args:
             step: A direction of descent.

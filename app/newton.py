@@ -1,18 +1,13 @@
 """Newton's method for a minimum: the raw tangent where it is positive definite, a filtered one where it is not."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, Protocol
 
 import numpy as np
 
 from app.errors import NotConverged
 from app.merit import Merit
-from app.problem import Array, Problem
-
-# "shifted" is clamped with a share of the stiffness at rest on the diagonal: where a body is collapsed to a point the
-# clamped tangent may be zero.
-Filter = Literal["none", "clamp", "absolute", "shifted"]
+from app.problem import Array
+from app.tangent import Filter, Tangent
 
 # A raw tangent that was indefinite is tried again once the forces have fallen to this share.
 RETRY = 0.3
@@ -22,35 +17,14 @@ RETRY = 0.3
 NEARLY = 1e-6
 
 
-@dataclass
-class Count:
-    """What was spent."""
-
-    newton: int = 0
-    linear: int = 0
-
-
-class System(Protocol):
-    """What gives Newton's method its directions."""
-
-    problem: Problem
-    count: Count
-
-    def assemble(self, filtering: Filter) -> None:
-        """Assembles the tangent at the problem's state."""
-
-    def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
-        """Solves with it; None if it is not positive definite."""
-
-
 class Newton:
     """One minimisation: every step goes downhill, and the last ones, with the raw tangent, are quadratic."""
 
-    def __init__(self, system: System, values: Array, watchful: bool, patience: float) -> None:
+    def __init__(self, tangent: Tangent, values: Array, watchful: bool, patience: float) -> None:
         """Starts at a state whose prescribed displacements are right.
 
         Args:
-            system: Tangent and linear solver.
+            tangent: Gives directions.
             values: The state.
             watchful: Whether to stop at saddle points.
             patience: Filtered steps in a row before it stops too.
@@ -58,8 +32,8 @@ class Newton:
         Raises:
             NotConverged: If the energy is not finite there.
         """
-        self._system = system
-        self._problem = system.problem
+        self._tangent = tangent
+        self._problem = tangent.problem
         self._problem.set_state(values)
         self.merit = Merit(self._problem, self._problem.state)
         self._failed_at: float | None = None
@@ -99,10 +73,10 @@ class Newton:
     def _on_saddle(self) -> bool:
         """Whether the tangent has a negative eigenvalue at a state nearly in balance."""
         problem = self._problem
-        self._system.assemble("none")
+        self._tangent.assemble("none")
         # Conjugate gradients find a negative eigenvalue only where the right-hand side has a share of its vector.
         rhs = np.where(problem.held, 0.0, np.random.default_rng(0).standard_normal(len(problem.held)))
-        if self._system.linear_solve(rhs, 1e-3) is None:
+        if self._tangent.linear_solve(rhs, 1e-3) is None:
             return True
         self._doubtful, self._failed_at = False, None
         return False
@@ -112,11 +86,11 @@ class Newton:
         ratio = None if self._previous is None else norm / self._previous
         forcing = 1e-2 if ratio is None else min(1e-2, max(0.1 * ratio**2, 1e-8))
         self._previous = norm
-        self._system.count.newton += 1
+        self._tangent.count.newton += 1
         for name in self._filters(norm):
             self._problem.set_state(merit.values)
-            self._system.assemble(name)
-            step = self._system.linear_solve(-merit.gradient, forcing)
+            self._tangent.assemble(name)
+            step = self._tangent.linear_solve(-merit.gradient, forcing)
             if step is not None:
                 step[self._problem.held] = 0.0
                 if merit.descends(step) and merit.search(step, name != "none") is not None:

@@ -22,7 +22,7 @@ class Blend:
     def __init__(self, problem: Problem) -> None:
         """Solves for nothing yet."""
         self.problem = problem
-        self.turning = [face for face, c in problem.scene.boundary.items() if c.rotate is not None]
+        self.turning = {face: c.rotate for face, c in problem.scene.boundary.items() if c.rotate is not None}
 
     @cached_property
     def _shares(self) -> dict[str, Array]:
@@ -40,7 +40,7 @@ class Blend:
         }
         # One array, or from dolfinx 0.10 on one for each cell type.
         nodes = np.ravel(to_vector) // problem.dimension
-        shares = {}
+        shares: dict[str, Array] = {}
         for turning in self.turning:
             # The turning face last, so that it has its way at shared edges.
             order = [*(face for face in facets if face != turning), turning]
@@ -57,8 +57,7 @@ class Blend:
         displacement = np.zeros_like(rest)
         displacement[:, :d] = problem.displacements(values).reshape(-1, d)
         moved = displacement.copy()
-        for face in self.turning:
-            condition = problem.scene.boundary[face].rotate
+        for face, condition in self.turning.items():
             angles = self._shares[face] * np.deg2rad((end - start) * condition.angle)
             moved += rotated(condition, rest + displacement, angles)
         guess = problem.with_displacements(values, moved[:, :d].ravel())

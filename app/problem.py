@@ -193,7 +193,7 @@ class Problem:
         """Nodes on this rank, owned and ghost, at the points that the start pins."""
         points = self.V.tabulate_dof_coordinates()[:, : self.dimension]
         near = 1e-6 * self.extent
-        found = [np.empty(0, dtype=np.int32)]
+        found: list[NDArray[np.int32]] = [np.empty(0, dtype=np.int32)]
         for pin in self.scene.start.pins if self.scene.start is not None else []:
             nodes = np.flatnonzero(np.linalg.norm(points - np.array(pin), axis=1) < near)
             if not self.comm.allreduce(len(nodes)):
@@ -288,6 +288,8 @@ class Problem:
         if self.p is not None:
             self.p.x.array[: self.owned_pressures] = values[n : self.owned]
             self.p.x.scatter_forward()
+        if isinstance(self.potential, MixedPotential):
+            self.potential.pressure_changed()
 
     def energy_at(self, values: Array) -> float:
         """Π, the same on every rank; NaN where ψ is undefined."""

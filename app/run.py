@@ -6,8 +6,8 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from app.errors import SceneError
 from app.diagnose import diagnose
+from app.errors import SceneError
 from app.measures import Measures
 from app.output import Output
 from app.problem import Problem

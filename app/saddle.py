@@ -12,9 +12,8 @@ from petsc4py import PETSc
 
 from app.errors import NotConverged
 from app.problem import Array, Problem
-from app.solve import DIRECT_LIMIT, Count, rigid_motions
+from app.tangent import DIRECT_LIMIT, Count, rigid_motions
 from forms.mixed import MixedPotential
-
 
 # Iterations of FGMRES; 30 to 60 are usual, and a tangent that takes more is likely not to be one of descent.
 LONGEST = 200
@@ -172,8 +171,11 @@ class SaddlePoint:
             self.assemble(convexity)
             step = self.linear_solve(problem.lift(increment) - residual, 1e-4)
             if step is not None:
-                return values + increment + step
-        raise NotConverged("indefinite", "the prediction's tangent has negative eigenvalues, however filtered")
+                guess = values + increment + step
+                # A pressure may be predicted that no volume ratio of the material has.
+                defined = np.isfinite(problem.norm(problem.residual_at(guess)))
+                return guess if defined else problem.with_displacements(values, problem.displacements(guess))
+        raise NotConverged("indefinite", "the prediction's tangent has negative eigenvalues, however filtered", values)
 
     @cached_property
     def _ladder(self) -> list[Convexity]:
@@ -195,11 +197,11 @@ class SaddlePoint:
         for iteration in range(solve.max_iterations + 1):
             residual, error = self._residual(values)
             if not np.isfinite(error):
-                raise NotConverged("undefined", "the forces are not finite at the start of the step")
+                raise NotConverged("undefined", "the forces are not finite at the start of the step", values)
             if error <= solve.tolerance:
                 return values
             if iteration == solve.max_iterations:
-                raise NotConverged("iterations", f"{iteration} Newton steps, residual {error:.1e}")
+                raise NotConverged("iterations", f"{iteration} Newton steps, residual {error:.1e}", values)
             # As exact as a quadratic step deserves, and no more than the tolerance asks for.
             wanted = 1e-2 if previous is None else 0.1 * (error / previous) ** 2
             forcing = min(1e-2, max(wanted, 0.1 * solve.tolerance / error))
@@ -224,7 +226,7 @@ class SaddlePoint:
         force = problem.norm_displacements(residual) / (self._scale or 1.0)
         distortion = problem.comm.allreduce(float(fem.assemble_scalar(self._distortion)))
         strain = np.sqrt(self._squared(residual[n : problem.owned]) / (distortion or 1.0))
-        return residual, max(force, float(strain))
+        return residual, float(np.maximum(force, strain))
 
     def _squared(self, strains: Array) -> float:
         """Square of a volume strain's norm, ∫θ² of its values at the pressures' nodes."""
@@ -239,21 +241,26 @@ class SaddlePoint:
             length = None if step is None else self._length(values, step, error)
             if step is not None and length is not None:
                 return values + length * step, number - 1
-        raise NotConverged("stalled", "no step lowers the augmented energy, however convex the tangent is made")
+        raise NotConverged("stalled", "no step lowers the augmented energy, however convex the tangent is made", values)
 
     def _length(self, values: Array, step: Array, error: float) -> float | None:
         """The length of a step that lowers the merit by Armijo's rule; None if there is none.
 
-        Without a potential (follower pressure) the relative error is the merit.
+        Without a potential (follower pressure) the relative error is the merit. The step's pressures are cut, in
+        place, where they aim at what no volume ratio of the material has.
         """
         if not self.potential.loads.conservative:
             return _backtrack(lambda length: self._residual(values + length * step)[1], error, -error, 0.0)
         problem = self.problem
         n, owned = problem.owned_displacements, problem.owned
-        aim = values.copy()
-        aim[n:owned] += step[n:owned]
         motion = problem.joined(problem.displacements(step))
-        residual = problem.residual_at(aim)
+        residual = np.full_like(step, np.nan)
+        for _ in range(30):
+            aim = values + step - motion
+            residual = problem.residual_at(aim)
+            if np.isfinite(problem.norm(residual)):
+                break
+            step[n:owned] *= 0.5
         slope = problem.dot(residual, motion)
         squared = self._squared(residual[n:owned])
         weight = self.potential.shear_modulus

@@ -5,17 +5,14 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-import dolfinx.fem.petsc
 import numpy as np
 from petsc4py import PETSc
 
 from app.errors import NotConverged
-from app.newton import Count, Filter, Newton
+from app.newton import Newton
 from app.problem import Array, Problem
 from app.start import uniform
-
-# Above this many unknowns a factorisation in 3D costs more than CG with algebraic multigrid.
-DIRECT_LIMIT = 60_000
+from app.tangent import Count, Tangent, vector
 
 # The trust region hands over where the forces have fallen to this share: the differences of the energy that it
 # lives on are lost in rounding near the minimum, where Newton's method needs no help.
@@ -27,9 +24,6 @@ ROAMS, NOISE = 3, 1e-4
 
 # Filtered steps in a row after which steps that know negative curvature do better.
 PATIENCE = 12
-
-__all__ = ["DIRECT_LIMIT", "Count", "Minimizer", "NotConverged", "rigid_motions"]
-
 
 class Minimizer:
     """Finds the displacement of least Π under prescribed displacements.
@@ -48,34 +42,24 @@ class Minimizer:
     def __init__(self, problem: Problem) -> None:
         """Creates SNES, KSP and the matrix for a problem."""
         self.problem = problem
-        self.count = Count()
         solve = problem.scene.solve
         self._deadline = None if solve.time_limit is None else time.monotonic() + solve.time_limit
-        self.direct = solve.linear == "direct" or (solve.linear == "auto" and problem.size <= DIRECT_LIMIT)
-        self.matrix = self._create_matrix()
-        self.x = _vector(problem)
+        snes = PETSc.SNES().create(problem.comm)
+        self.tangent = Tangent(problem, snes.getKSP())
+        self.x = vector(problem)
         self._failure: NotConverged | None = None
         self._until: Callable[[], bool] | None = None
-        self._watchful, self._patience = False, np.inf
+        self._watchful, self._patience, self._scale = False, np.inf, 0.0
 
-        self.snes = self._create_snes(self.matrix)
+        self.snes = self._prepared(snes, self.tangent.matrix)
         self.snes.setType("python")
         self.snes.setPythonContext(self)
-        _configure(self.snes.getKSP(), problem, self.direct)
         self.snes.setFromOptions()
 
-    def _create_matrix(self) -> PETSc.Mat:
-        matrix = dolfinx.fem.petsc.create_matrix(self.problem.potential.tangent[0])
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.problem.potential.loads.conservative)
-        if not self.direct:
-            matrix.setNearNullSpace(rigid_motions(self.problem))
-        return matrix
-
-    def _create_snes(self, preconditioner: PETSc.Mat) -> PETSc.SNES:
+    def _prepared(self, snes: PETSc.SNES, preconditioner: PETSc.Mat) -> PETSc.SNES:
         problem = self.problem
-        snes = PETSc.SNES().create(problem.comm)
         snes.setFunction(self._function, self.x.duplicate())
-        snes.setJacobian(self._jacobian, self.matrix, preconditioner)
+        snes.setJacobian(self._jacobian, self.tangent.matrix, preconditioner)
         if problem.potential.loads.conservative:
             snes.setObjective(self._objective)
         snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=problem.scene.solve.max_iterations)
@@ -83,18 +67,23 @@ class Minimizer:
 
     @cached_property
     def _trust_region(self) -> PETSc.SNES:
-        snes = self._create_snes(self._create_matrix())
+        snes = self._prepared(PETSc.SNES().create(self.problem.comm), self.tangent.create_matrix())
         snes.setOptionsPrefix("trust_")
         snes.setType("newtontr")
         snes.setConvergenceTest(self._in_balance)
         ksp, pc = snes.getKSP(), snes.getKSP().getPC()
         ksp.setType("stcg")
         ksp.setTolerances(rtol=1e-2, max_it=200)
-        pc.setType("cholesky" if self.direct else "gamg")
-        if self.direct:
+        pc.setType("cholesky" if self.tangent.direct else "gamg")
+        if self.tangent.direct:
             pc.setFactorSolverType("mumps")
         snes.setFromOptions()
         return snes
+
+    @property
+    def count(self) -> Count:
+        """What was spent."""
+        return self.tangent.count
 
     # ------------------------------------------------------------------ SNES callbacks
 
@@ -115,9 +104,9 @@ class Minimizer:
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         self.problem.set_state(self._full(x))
-        self.assemble("none")
+        self.tangent.assemble("none")
         if preconditioner.handle != matrix.handle:
-            self.assemble("clamp" if self.problem.potential.can_filter else "none", preconditioner)
+            self.tangent.assemble("clamp" if self.problem.potential.can_filter else "none", preconditioner)
 
     def _in_balance(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         solve = self.problem.scene.solve
@@ -145,7 +134,7 @@ class Minimizer:
             snes.monitor(iteration, norm)
 
         try:
-            values = Newton(self, self._full(x), self._watchful, self._patience).run(monitor, self._until)
+            values = Newton(self.tangent, self._full(x), self._watchful, self._patience).run(monitor, self._until)
             x.array[:] = values[: self.problem.owned]
             snes.setConvergedReason(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
         except NotConverged as failure:
@@ -159,40 +148,6 @@ class Minimizer:
         if self.problem.comm.allreduce(late):
             limit = self.problem.scene.solve.time_limit
             raise NotConverged("time", f"stopped after the {limit:g} s of solve.time_limit", self.problem.state)
-
-    def assemble(self, filtering: Filter, into: PETSc.Mat | None = None) -> None:
-        """Assembles the tangent at the current state, rows and columns of prescribed displacements aside.
-
-        Args:
-            filtering: What is done to negative eigenvalues, point by point.
-            into: The matrix; by default the one that `linear_solve` reads.
-        """
-        problem, matrix = self.problem, self.matrix if into is None else into
-        problem.potential.set_filter("clamp" if filtering == "shifted" else filtering)
-        matrix.zeroEntries()
-        for form in problem.potential.tangent:
-            dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
-        matrix.assemble()
-        if filtering == "shifted":
-            matrix.shift(self._shift)
-        # A diagonal of the size of the others keeps the prescribed rows out of the conditioning.
-        diagonal = matrix.getDiagonal()
-        diagonal.array[problem.held[: problem.owned]] = self._typical(diagonal)
-        matrix.setDiagonal(diagonal)
-
-    @cached_property
-    def _shift(self) -> float:
-        """A thousandth of the mean diagonal of the tangent at rest."""
-        kept = self.problem.state
-        self.problem.set_state(np.zeros_like(kept))
-        matrix = self._create_matrix()
-        self.assemble("none", matrix)
-        self.problem.set_state(kept)
-        return 1e-3 * matrix.getDiagonal().sum() / self.problem.size
-
-    def _typical(self, diagonal: PETSc.Vec) -> float:
-        largest = diagonal.norm(PETSc.NormType.INFINITY)
-        return largest if largest > 0 else 1.0
 
     # ------------------------------------------------------------------ the steps of a load increment
 
@@ -210,12 +165,12 @@ class Minimizer:
         residual[problem.held] = 0.0
         # The lift is the kernel's tangent too: unfiltered first.
         rhs = problem.lift(increment) - residual
-        self.assemble("none")
-        step = self.linear_solve(rhs, 1e-6)
+        self.tangent.assemble("none")
+        step = self.tangent.linear_solve(rhs, 1e-6)
         if step is None and problem.potential.can_filter:
-            self.assemble("clamp")
+            self.tangent.assemble("clamp")
             rhs = problem.lift(increment) - residual
-            step = self.linear_solve(rhs, 1e-6)
+            step = self.tangent.linear_solve(rhs, 1e-6)
         if step is None:
             raise NotConverged("indefinite", "the prediction's tangent is not positive definite")
         return np.where(problem.held, values + increment, values + step)
@@ -268,8 +223,8 @@ class Minimizer:
             snes.solve(None, self.x)
         finally:
             if snes.getType() != "python":
-                self.count.newton += snes.getIterationNumber()
-                self.count.linear += snes.getLinearSolveIterations()
+                self.tangent.count.newton += snes.getIterationNumber()
+                self.tangent.count.linear += snes.getLinearSolveIterations()
         if self._failure is not None:
             raise self._failure
         result = self._full(self.x)
@@ -279,61 +234,3 @@ class Minimizer:
             kind = "iterations" if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT else "stalled"
             raise NotConverged(kind, f"SNES {snes.getType()} stopped with reason {reason}", self.problem.state)
         return self.problem.state
-
-    def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
-        """Solves with the assembled tangent; None if it turned out not to be positive definite."""
-        problem, ksp = self.problem, self.snes.getKSP()
-        b = self.x.duplicate()
-        b.array[:] = rhs[: problem.owned]
-        y = self.x.duplicate()
-        ksp.setOperators(self.matrix)
-        ksp.setTolerances(rtol=rtol)
-        ksp.solve(b, y)
-        self.count.linear += max(ksp.getIterationNumber(), 1)
-        reason = ksp.getConvergedReason()
-        if reason in (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC):
-            return None
-        if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
-            # A factorisation that met a singular matrix would stay failed.
-            ksp.getPC().reset()
-            return None
-        if self.direct and problem.potential.loads.conservative and self._negative_pivots() > 0:
-            return None
-        if reason < 0 and reason != PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
-            raise NotConverged("linear", f"the linear solver stopped with reason {reason}")
-        step = np.zeros_like(rhs)
-        step[: problem.owned] = y.array_r
-        return step if np.isfinite(problem.norm(step)) else None
-
-    def _negative_pivots(self) -> int:
-        """Sylvester: as many as the tangent has negative eigenvalues."""
-        pc = self.snes.getKSP().getPC()
-        if pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
-            return 0
-        return pc.getFactorMatrix().getMumpsInfog(12)
-
-
-def _vector(problem: Problem) -> PETSc.Vec:
-    return PETSc.Vec().createMPI((problem.owned, problem.size), bsize=problem.dimension, comm=problem.comm)
-
-
-def _configure(ksp: PETSc.KSP, problem: Problem, direct: bool) -> None:
-    pc = ksp.getPC()
-    if direct:
-        ksp.setType("preonly")
-        pc.setType("cholesky" if problem.potential.loads.conservative else "lu")
-        pc.setFactorSolverType("mumps")
-        return
-    ksp.setType("cg" if problem.potential.loads.conservative else "gmres")
-    ksp.setTolerances(max_it=2000)
-    pc.setType("gamg")
-
-
-def rigid_motions(problem: Problem) -> PETSc.NullSpace:
-    """Translations and rotations of the reference body: what algebraic multigrid must represent."""
-    d, owned = problem.dimension, problem.owned_displacements
-    coordinates = PETSc.Vec().createMPI((owned, PETSc.DETERMINE), bsize=d, comm=problem.comm)
-    nodes = owned // d
-    points = problem.V.tabulate_dof_coordinates()[:nodes, : problem.dimension]
-    coordinates.array[:] = points.ravel()
-    return PETSc.NullSpace().createRigidBody(coordinates)

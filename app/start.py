@@ -39,12 +39,13 @@ def uniform(problem: Problem, seed: int) -> Array:
     d, comm = problem.dimension, problem.comm
     points = problem.V.tabulate_dof_coordinates()[:, :d]
     own = problem.owned_displacements // d
-    everywhere = np.concatenate(comm.allgather(points[:own]))
+    parts = comm.allgather(points[:own])
+    everywhere = np.concatenate(parts)
     # The order of the nodes in space, not in memory, decides which numbers they get.
     order = np.lexsort(np.round((everywhere - problem.bounds[0]) / problem.extent, 9).T)
     random = np.empty_like(everywhere)
     random[order] = np.random.default_rng(seed).random(everywhere.shape)
-    first = comm.exscan(own) or 0
+    first = sum(len(part) for part in parts[: comm.rank])
     numbers = np.zeros_like(points)
     numbers[:own] = random[first : first + own]
     return numbers

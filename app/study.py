@@ -44,7 +44,8 @@ class Quantity(_Table):
     def _one(self) -> "Quantity":
         if (self.reaction is None) == (self.at is None):
             raise ValueError("expected exactly one of reaction and at")
-        if (self.along is None) == (self.about is None) or self.at is not None and self.along is None:
+        turning = self.about is not None
+        if (self.along is not None) == turning or (turning and self.at is not None):
             raise ValueError("expected one of along and about (a reaction only), the axis")
         return self
 
@@ -184,8 +185,9 @@ def shipped() -> list[str]:
 
 
 def _first(error: ValidationError) -> str:
-    """The first of pydantic's complaints in one line."""
-    problem = error.errors(include_url=False)[0]
+    """The first of pydantic's complaints in one line; a key that is unknown may be why another is missing."""
+    problems = error.errors(include_url=False)
+    problem = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
     key = ".".join(str(part) for part in problem["loc"] if part not in ("str", "dict[str,any]")) or "study"
     if problem["type"] == "extra_forbidden":
         return f"{key}: unknown key"

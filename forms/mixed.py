@@ -1,8 +1,10 @@
 """Π(u, p): a pressure of its own carries the λ part, so that ν may come near to one half, or be it."""
 
-from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, Literal
 
+import basix
+import basix.ufl
 import dolfinx
 import numpy as np
 import ufl
@@ -19,26 +21,28 @@ Array = NDArray[np.float64]
 
 
 class MixedPotential(Potential):
-    """Π(u, p; t) = ∫W(F) + p θ(J) - p²/(2λ) dX and the loads: a perturbed Lagrangian for any U(J) = θ²/2.
+    """Π(u, p; t) = ∫W(F) + p (J - 1) - U*(p) dX and the loads, U* the Legendre transform of λU(J).
 
-    It is least in u and greatest in p; what is greatest has p = λθ in the mean, and the energy λ/2 of the mean
-    strain squared. With 1/λ = 0 the pressure is the multiplier of θ = 0.
+    It is least in u and greatest in p; eliminating p point by point gives back ψ. For U = (J - 1)²/2 it is the
+    perturbed Lagrangian, U* = p²/(2λ). For any U it is linear in J: the pressures see each cell's true volume,
+    and with 1/λ = 0 they keep it. A pressure times ln J, say, would keep the mean of ln J, and let single
+    quadrature points collapse.
 
     What `Potential` lists contains the pressure's share. Signs: p is positive under tension.
 
     Attributes:
-        p: The pressure that all forms read.
+        p: The pressure that all forms read; call `pressure_changed` when it does.
         shear_modulus: μ_Lamé, the scale of what the pressure meets.
-        volume_strain: ∂Π/∂p, a form over the pressures: zero where θ = p/λ in the mean.
+        volume_strain: ∂Π/∂p, a form over the pressures: zero where J has the mean that p asks for.
         coupling: ∂²Π/∂p∂u, rows of pressures.
         coupling_transposed: ∂²Π/∂u∂p, rows of displacements.
-        compliance: ∂²Π/∂p², minus 1/λ times `mass`, zero at ν = 0.5.
+        compliance: ∂²Π/∂p², not positive, zero at ν = 0.5.
         mass: ∫p q dX.
         stretching: `share` times μ ∫∇u : ∇v dX, positive definite whatever the state.
         share: A constant of `stretching`.
 
     Reference:
-        Sussman & Bathe 1987, Computers & Structures 26:357, for the displacement-pressure form.
+        Sussman & Bathe 1987, Computers & Structures 26:357; Brink & Stein 1996, Computational Mechanics 19:105.
     """
 
     def __init__(
@@ -54,7 +58,7 @@ class MixedPotential(Potential):
         """Compiles all forms.
 
         Args:
-            split: The energy, its λ part a square of a volume strain.
+            split: The energy, its λ part a function of J.
             u: Displacement.
             p: Pressure, on the same mesh.
             quadrature_degree: Of the volume integrals.
@@ -68,25 +72,48 @@ class MixedPotential(Potential):
         dx = ufl.Measure("dx", V.mesh, metadata={"quadrature_degree": quadrature_degree})
         self.p = p
         self.shear_modulus = linearize(split.shear).lame_mu
+        self._split, self._degree = split, quadrature_degree
 
-        theta = split.strain(ufl.det(deformation_gradient(u)), _constants(split, V.mesh))
-        compliance = fem.Constant(V.mesh, 1 / split.bulk)
-        stored = (p * theta - compliance * p**2 / 2) * dx
-        force, strain = ufl.derivative(stored, u, v), ufl.derivative(stored, p, q)
-        self.strain_energy = [*self.strain_energy, fem.form(stored)]
+        J = ufl.det(deformation_gradient(u))
+        stored, ratio, compliance = self._conjugate
+        force = ufl.derivative(p * J * dx, u, v)
+        strain = (J - ratio) * q * dx
+        self.strain_energy = [*self.strain_energy, fem.form((p * (J - 1) - stored) * dx)]
         self.internal = [*self.internal, fem.form(force)]
         self.tangent = [*self.tangent, fem.form(ufl.derivative(force, u, w))]
         self.volume_strain = fem.form(strain)
         self.coupling = fem.form(ufl.derivative(strain, u, w))
         self.coupling_transposed = fem.form(ufl.derivative(force, p, r))
-        self.compliance = fem.form(ufl.derivative(strain, p, r))
-        self.mass = fem.form(ufl.inner(q, r) * dx)
+        self.compliance = fem.form(-compliance * r * q * dx)
+        self.mass = fem.form(r * q * dx)
         self.share = fem.Constant(V.mesh, 0.0)
         self.stretching = fem.form(self.share * self.shear_modulus * ufl.inner(ufl.grad(v), ufl.grad(w)) * dx)
 
+    @cached_property
+    def _conjugate(self) -> tuple[Any, Any, Any]:
+        """What `Split.conjugate` gives: in closed form where there is one, else values at quadrature points."""
+        mesh = self.p.function_space.mesh
+        if self._split.quadratic:
+            compliance = fem.Constant(mesh, 1 / self._split.bulk)
+            return compliance * self.p**2 / 2, 1 + compliance * self.p, compliance
+        element = basix.ufl.quadrature_element(mesh.basix_cell(), degree=self._degree)
+        space = fem.functionspace(mesh, element)
+        return fem.Function(space), fem.Function(space), fem.Function(space)
+
+    def pressure_changed(self) -> None:
+        """Updates what depends on the pressure at the quadrature points."""
+        if self._split.quadratic:
+            return
+        Q = self.p.function_space
+        points, _ = basix.make_quadrature(Q.mesh.basix_cell(), self._degree)
+        basis = Q.element.basix_element.tabulate(0, points)[0, :, :, 0]
+        pressures = self.p.x.array[Q.dofmap.list] @ basis.T
+        for function, values in zip(self._conjugate, self._split.conjugate(pressures), strict=True):
+            function.x.array[function.function_space.dofmap.list] = values
+
 
 def mixed_response(split: Split, H: Array, p: Array) -> tuple[Array, Array]:
-    """W + pθ - p²/(2λ) and its derivative in F, by the code that assembles W.
+    """W + p (J - 1) - U*(p) and its derivative in F, by the code that assembles W.
 
     Args:
         split: The energy.
@@ -100,13 +127,5 @@ def mixed_response(split: Split, H: Array, p: Array) -> tuple[Array, Array]:
     a, b, c = np.moveaxis(np.eye(3) + H, 1, 0)
     # ∂J/∂F; unlike J F⁻ᵀ it exists for every F.
     cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    theta, slope = split.strains(np.einsum("ni,ni->n", a, cofactor[:, 0]))
-    return psi + p * theta - p**2 / (2 * split.bulk), P + (p * slope)[:, None, None] * cofactor
-
-
-def _constants(split: Split, mesh: dolfinx.mesh.Mesh) -> Mapping[str, Any]:
-    """The energy's values as one run-time constant, by name."""
-    # An infinite weight of the λ part is no number to compute with; the strain does not read it.
-    numbers = np.nan_to_num(np.array(split.energy.constants()), posinf=0.0)
-    vector = fem.Constant(mesh, numbers)
-    return split.energy.unpack([vector[i] for i in range(len(numbers))])
+    J = np.einsum("ni,ni->n", a, cofactor[:, 0])
+    return psi + p * (J - 1) - split.conjugate(p)[0], P + p[:, None, None] * cofactor

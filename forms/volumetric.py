@@ -10,7 +10,7 @@ import ufl
 from numpy.typing import NDArray
 from ufl.corealg.traversal import unique_pre_traversal
 
-from forms.energy import Energy, MaterialError, Parts, Values
+from forms.energy import Energy, MaterialError, Parts
 from forms.kinematics import PrincipalStretches, Scalar, as_numpy
 from forms.normalize import linearize
 from forms.tuning import shear_part
@@ -91,7 +91,7 @@ def split(energy: Energy) -> Split:
     if not energy.has_lambda:
         raise MaterialError(f"{energy.name}: a mixed element needs a λ part; add one with {way_out}")
     J = ufl.variable(ufl.as_ufl(1.0))
-    if not energy.objective or _others(_volume(energy, J, energy.values)):
+    if not energy.objective or _others(_volume(energy, J)):
         raise MaterialError(f"{energy.name}: a mixed element needs a λ part that is a function of J; use {way_out}")
     at_rest = linearize(energy)
     # A λ of pure rounding is none.
@@ -99,7 +99,7 @@ def split(energy: Energy) -> Split:
         raise MaterialError(f"{energy.name}: a mixed element needs nu above 0, got {at_rest.poissons_ratio:g}")
     mu_part, own, _ = shear_part(energy)
     shear = replace(energy, parts=lambda s, v: Parts(mu_part(s, v)), values={**energy.values, **own})
-    return Split(shear, at_rest.lame_lambda, lambda J: _volume(energy, J, energy.values))
+    return Split(shear, at_rest.lame_lambda, lambda J: _volume(energy, J))
 
 
 class _VolumeRatio(PrincipalStretches):
@@ -115,8 +115,8 @@ class _VolumeRatio(PrincipalStretches):
         return _VolumeRatio(self.J**alpha)
 
 
-def _volume(energy: Energy, J: Scalar, values: Values) -> Scalar:
-    return energy.parts(_VolumeRatio(J), values).volume
+def _volume(energy: Energy, J: Scalar) -> Scalar:
+    return energy.parts(_VolumeRatio(J), energy.values).volume
 
 
 def _others(volume: Scalar) -> bool:

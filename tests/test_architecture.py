@@ -14,7 +14,7 @@ RANKS = [
     {"errors", "results"},
     {"scene", "catalogue", "xdmf", "fields", "plots", "compat"},
     {"problem", "output", "study", "orders", "bench"},
-    {"merit", "measures", "predict", "start", "diagnose", "independent", "exact", "cases"},
+    {"merit", "tangent", "measures", "predict", "start", "diagnose", "independent", "exact", "cases"},
     {"newton", "records"},
     {"solve", "comparison"},
     {"saddle", "recover"},

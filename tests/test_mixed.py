@@ -83,8 +83,9 @@ def test_every_material_is_split_or_refused_in_one_line(name: str, nu: float) ->
         given = way_out
     if not CATALOGUE[name].objective:
         return
-    parts = split(tuned_energy(name, 1.5, nu, mixed=True, **given))
-    at_rest, whole = linearize(parts.shear), linearize(parts.energy)
+    energy = tuned_energy(name, 1.5, nu, mixed=True, **given)
+    parts = split(energy)
+    at_rest, whole = linearize(parts.shear), linearize(energy)
     assert abs(at_rest.lame_lambda) < 1e-12 and abs(at_rest.stress) < 1e-12
     assert at_rest.lame_mu == pytest.approx(1.5 / (2 * (1 + nu)), rel=1e-10)
     assert whole.poissons_ratio == pytest.approx(nu, rel=1e-9)
@@ -99,24 +100,33 @@ VOLUMES: list[Tables] = [
 
 
 @pytest.mark.parametrize("material", VOLUMES, ids=lambda m: "-".join(map(str, m.values())))
-def test_volume_strain_is_a_smooth_root_of_the_volume_energy(material: Tables) -> None:
+def test_pressure_of_a_volume_ratio_gives_back_the_energy(material: Tables) -> None:
+    """At p = λU'(J) the Lagrangian is ψ, and its derivative in F is P; both against UFL on ψ as a whole."""
     energy = tuned_energy(E=1.5, nu=0.4, mixed=True, **material)
     parts = split(energy)
-    # About J = 1, and where the polynomial gives way to the root.
-    J = np.array([0.4, 0.9, 0.95 - 1e-9, 0.95 + 1e-9, 0.99, 1 - 1e-7, 1.0, 1.02, 1.05 - 1e-9, 1.05 + 1e-9, 2.0])
-    theta, slope = parts.strains(J)
-    F = np.zeros((len(J), 3, 3))
-    F[:, range(3), range(3)] = np.cbrt(J)[:, None]
-    # ψ = W + λ/2 θ², W and ψ by the kernel: at p = λθ the Lagrangian is the energy.
-    psi, P = mixed_response(parts, F - np.eye(3), parts.bulk * theta)
+    J = np.array([0.6, 0.9, 0.999, 1 - 1e-9, 1.0, 1.02, 2.0])
+    pressures = parts.bulk * parts.derivatives(J)[1]
+    stored, ratio, slope = parts.conjugate(pressures)
+    assert np.abs(ratio - J).max() < 1e-11
+    assert np.abs(stored - pressures * (J - 1) + parts.bulk * parts.derivatives(J)[0]).max() < 1e-12
+    difference = parts.conjugate(pressures + 1e-6)[0] - parts.conjugate(pressures - 1e-6)[0]
+    assert np.abs(difference / 2e-6 - (ratio - 1)).max() < 1e-7
+    assert np.abs(slope * parts.bulk * parts.derivatives(J)[2] - 1).max() < 1e-9
+    H = np.zeros((len(J), 3, 3))
+    H[:, range(3), range(3)] = np.cbrt(J)[:, None] - 1
+    psi, P = mixed_response(parts, H, pressures)
     stretch = ufl.variable(ufl.as_ufl(1.0))
     density = ufl.as_ufl(energy.density(PrincipalStretches([stretch] * 3)))
     expected = as_numpy([density, ufl.diff(density, stretch)], [stretch])(np.cbrt(J))
-    assert np.abs(psi - expected[0]).max() < 1e-13
-    assert np.abs(np.einsum("nii->n", P) - expected[1]).max() < 1e-11
-    at_one = np.flatnonzero(J == 1.0)[0]
-    assert theta[at_one] == 0 and slope[at_one] == pytest.approx(1, abs=1e-12)
-    assert (np.sign(theta) == np.sign(J - 1)).all() and (slope > 0).all()
+    assert np.abs(psi - expected[0]).max() < 1e-12
+    assert np.abs(np.einsum("nii->n", P) - expected[1]).max() < 1e-10
+
+
+def test_pressures_that_no_volume_ratio_has_are_not_numbers() -> None:
+    """U' = log J / J is 1/e at most."""
+    parts = split(tuned_energy("neo-hookean", 1.5, 0.4, mixed=True))
+    ratios = parts.conjugate(parts.bulk * np.array([0.36, 0.37, -50.0]))[1]
+    assert np.isfinite(ratios).tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize(
@@ -337,7 +347,7 @@ def test_linear_solvers_agree() -> None:
 
 
 def test_ranks_agree(solved: Callable[..., Any]) -> None:
-    settings = ("material.nu=0.5", "mesh.cells=3", "solve.steps=2", "solve.tolerance=1e-11")
+    settings = ("material.nu=0.5", "mesh.cells=2", "solve.steps=1", "solve.tolerance=1e-11")
     asked = 'output.fields=["displacement", "stress", "pressure"]'
     for element in ("P2-P1", "Q2-P1d"):
         runs = [solved("cube-pull", *settings, asked, *_on(element), ranks=ranks) for ranks in (1, 2)]

@@ -189,7 +189,7 @@ def test_diagnosis_finds_inverted_cells() -> None:
 
 
 def test_diagnosis_finds_locking() -> None:
-    found = diagnosis_of("cube-pull", "mesh.cells=2", "solve.element=P1", "material.nu=0.49")
+    found = diagnosis_of("cube-pull", "mesh.cells=2", *TET, "material.nu=0.49")
     assert "P1" in found["locking"]
     assert any("P2" in advice for advice in found["advice"])
     assert diagnosis_of("cube-pull", "mesh.cells=2", "solve.element=Q2", "material.nu=0.49")["locking"] is None

@@ -166,8 +166,8 @@ def _stiffness(material: Tables) -> np.ndarray:
     problem = Problem(scene(material, boundary, mesh={"cells": 3}), MPI.COMM_SELF)
     minimizer = Minimizer(problem)
     problem.set_state(np.zeros_like(problem.u.x.array))
-    minimizer.assemble("none")
-    indices, columns, values = minimizer.matrix.getValuesCSR()
+    minimizer.tangent.assemble("none")
+    indices, columns, values = minimizer.tangent.matrix.getValuesCSR()
     dense = np.zeros((problem.size, problem.size))
     for row in range(problem.size):
         dense[row, columns[indices[row] : indices[row + 1]]] = values[indices[row] : indices[row + 1]]

@@ -1,4 +1,4 @@
-"""Bodies whose solution is known: in closed form, by an ordinary differential equation, or because it was manufactured."""
+"""Bodies whose solution is known: in closed form, by a differential equation of one variable, or manufactured."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -279,7 +279,7 @@ def _quarter_ring(model: Any) -> None:
 
 
 def test_inflation_of_an_incompressible_tube(tmp_path: Path) -> None:
-    """p = ∫ μ(s² - s⁻²) dr/r over the wall, s = r/R, r² = R² + c, of a neo-Hookean tube in plane strain.
+    """The pressure ∫ μ(s² - s⁻²) dr/r of a neo-Hookean tube in plane strain, s = r/R, r² = R² + c.
 
     Ogden 1997, Non-Linear Elastic Deformations, Section 5.3.2.
     """

@@ -5,11 +5,12 @@ import time
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import dolfinx.fem.petsc
 import numpy as np
 from dolfinx import fem
+from numpy.typing import NDArray
 
 from forms.spectral import build
 
@@ -17,20 +18,8 @@ Call = Callable[[], Any]
 SWEEP = Path(__file__).with_name("sweep.c")
 
 
-class Spread(NamedTuple):
-    """Median and quartiles."""
-
-    median: float
-    low: float
-    high: float
-
-    def per(self, n: int) -> "Spread":
-        """Microseconds for each of n, from seconds for all."""
-        return Spread(*(1e6 * value / n for value in self))
-
-
-def interleaved(calls: Mapping[Any, Call], repeats: int) -> dict[Any, Spread]:
-    """Processor seconds of each call; they take turns, so that what else slows the machine slows all alike.
+def interleaved(calls: Mapping[Any, Call], repeats: int) -> dict[Any, NDArray[np.float64]]:
+    """Processor seconds of each call in each round; they take turns, so that what slows the machine slows all alike.
 
     What other processes take of the processor does not count, which elapsed time would let in.
     """
@@ -42,7 +31,7 @@ def interleaved(calls: Mapping[Any, Call], repeats: int) -> dict[Any, Spread]:
             began = time.thread_time()
             call()
             seconds[name].append(time.thread_time() - began)
-    return {name: Spread(*map(float, np.percentile(values, (50, 25, 75)))) for name, values in seconds.items()}
+    return {name: np.array(values) for name, values in seconds.items()}
 
 
 def tabulation(form: fem.Form, name: str, u: fem.Function) -> Call:
@@ -70,13 +59,13 @@ def tabulation(form: fem.Form, name: str, u: fem.Function) -> Call:
         x.ctypes.data_as(ctypes.c_void_p),
         ctypes.c_int64(x[0].size),
     )
+    sweep = _library().sweep
     arrays = A, w, c, x
 
     def call(held: Any = arrays) -> None:
-        # The addresses above are good as long as the arrays are held.
+        # The addresses are good as long as the arrays are held.
         sweep(*arguments)
 
-    sweep = _library().sweep
     return call
 
 

@@ -6,6 +6,7 @@ scene's own.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import dolfinx.fem.petsc
 import numpy as np
@@ -23,8 +24,8 @@ from app.scene import Scene, material_energy, mesh_arguments
 from forms.kinematics import GradientMeasures, deformation_gradient
 
 # From dolfinx 0.10 on NonlinearProblem is another class, and what NewtonSolver takes has this name.
-_NonlinearProblem = getattr(
-    dolfinx.fem.petsc, "NewtonSolverNonlinearProblem", getattr(dolfinx.fem.petsc, "NonlinearProblem", None)
+_NonlinearProblem: Any = getattr(
+    dolfinx.fem.petsc, "NewtonSolverNonlinearProblem", dolfinx.fem.petsc.NonlinearProblem
 )
 
 
@@ -100,7 +101,8 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
         iterations, converged = solver.solve(u)
         newton += iterations
         if not converged or not np.isfinite(u.x.array).all():
-            raise TutorialFailure(f"load step {step} of {scene.solve.steps}: not converged in {iterations} Newton steps")
+            reached = f"load step {step} of {scene.solve.steps}"
+            raise TutorialFailure(f"{reached}: not converged in {iterations} Newton steps")
 
     def total(form: object) -> float:
         return comm.allreduce(float(fem.assemble_scalar(fem.form(form))))

@@ -34,15 +34,15 @@ struct batch
   lanes pulled[3][DIM], weight;
 };
 
-static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *det)
+/* K = det J J⁻¹. */
+static inline lanes adjugate(const lanes J[DIM][DIM], lanes K[DIM][DIM])
 {
 #if DIM == 2
-  *det = J[0][0] * J[1][1] - J[0][1] * J[1][0];
-  const lanes over = 1 / *det;
-  K[0][0] = J[1][1] * over;
-  K[0][1] = -J[0][1] * over;
-  K[1][0] = -J[1][0] * over;
-  K[1][1] = J[0][0] * over;
+  K[0][0] = J[1][1];
+  K[0][1] = -J[0][1];
+  K[1][0] = -J[1][0];
+  K[1][1] = J[0][0];
+  return J[0][0] * J[1][1] - J[0][1] * J[1][0];
 #else
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
@@ -50,11 +50,7 @@ static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *de
       const int a = (j + 1) % 3, b = (j + 2) % 3, d = (i + 1) % 3, e = (i + 2) % 3;
       K[i][j] = J[a][d] * J[b][e] - J[a][e] * J[b][d];
     }
-  *det = J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
-  const lanes over = 1 / *det;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      K[i][j] *= over;
+  return J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
 #endif
 }
 
@@ -67,7 +63,7 @@ static inline void inverse(const lanes J[DIM][DIM], lanes K[DIM][DIM], lanes *de
 
 PREPARE void load(int n, const double *w, const double *x, struct batch *b)
 {
-  lanes J[DIM][DIM], K[DIM][DIM], R[DIM][DIM], det, H[3][3];
+  lanes J[DIM][DIM], K[DIM][DIM], R[DIM][DIM], H[3][3];
   for (int i = 0; i < DIM; ++i)
     for (int j = 0; j < DIM; ++j)
     {
@@ -79,7 +75,8 @@ PREPARE void load(int n, const double *w, const double *x, struct batch *b)
         J[i][j] += x[3 * a + i] * geometry_by_point[n][j][a];
 #endif
     }
-  inverse(J, K, &det);
+  /* Products are taken while the processor divides. */
+  const lanes det = adjugate(J, K), over = 1 / det;
 #if LINEAR
   for (int i = 0; i < DIM; ++i)
     for (int j = 0; j < DIM; ++j)
@@ -100,6 +97,7 @@ PREPARE void load(int n, const double *w, const double *x, struct batch *b)
       if (i < DIM && j < DIM)
         for (int k = 0; k < DIM; ++k)
           H[i][j] += R[i][k] * K[k][j];
+      H[i][j] *= over;
     }
   decompose(H, &b->frame);
   for (int m = 0; m < 3; ++m)
@@ -108,6 +106,7 @@ PREPARE void load(int n, const double *w, const double *x, struct batch *b)
       b->pulled[m][j] = all(0);
       for (int k = 0; k < DIM; ++k)
         b->pulled[m][j] += K[j][k] * b->frame.V[m][k];
+      b->pulled[m][j] *= over;
     }
   b->weight = weights[n] * magnitude(det);
 }

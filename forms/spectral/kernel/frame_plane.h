@@ -10,8 +10,8 @@
 /* Length of (x, y), and cos and sin of the angle along it: zero where there is no length. */
 static inline lanes direction(lanes x, lanes y, lanes *cosine, lanes *sine)
 {
-  const lanes nonzero = x + 1e-150, length = root(nonzero * nonzero + y * y), over = 1 / length;
-  *cosine = nonzero * over;
+  const lanes length = root(x * x + (y * y + 1e-300)), over = 1 / length;
+  *cosine = (x + 1e-150) * over;
   *sine = y * over;
   return length;
 }
@@ -59,8 +59,8 @@ static inline void decompose(const lanes H[3][3], struct frame *f)
   const lanes longer = mean + half_gap;
   const lanes volume = (1 + H[0][0]) * (1 + H[1][1]) - H[0][1] * H[1][0];
   const lanes shorter = volume / longer;
-  f->s[0] = choose(c < 0, shorter, longer);
-  f->s[1] = choose(c < 0, longer, shorter);
+  f->s[0] = larger(sign * longer, shorter);
+  f->s[1] = larger(-sign * longer, shorter);
 #else
   f->s[0] = 1 + f->e[0];
   f->s[1] = 1 + f->e[1];
