@@ -62,6 +62,11 @@ class Curve:
         """The fitted order of an error in h."""
         return fitted_order([p.h for p in self.points], [p.errors.get(name, math.nan) for p in self.points])
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether its finest case was given up."""
+        return any(text.startswith("timeout") for text in self.lost)
+
     def price(self, name: str, tolerance: float) -> float:
         """Seconds of the cheapest case from which on the error stays within a tolerance; infinity if there is none."""
         return price([(p.seconds, p.errors.get(name, math.nan)) for p in self.points], tolerance)
@@ -176,12 +181,40 @@ class Comparison:
             cells += [self._price(curve, tolerance) for tolerance in tolerances]
             yield f"| {' | '.join(cells)} |"
 
+        yield from self._against()
+
     def _price(self, curve: Curve, tolerance: float) -> str:
         seconds = curve.price(self.study.plot, tolerance)
         if math.isfinite(seconds):
             return f"{seconds:.2g}"
-        timed_out = any(text.startswith("timeout") for text in curve.lost)
-        return f"not in {self.study.timeout:g} s" if timed_out else "-"
+        return f"not in {self.study.timeout:g} s" if curve.timed_out else "-"
+
+    def _against(self) -> Iterator[str]:
+        """Elastune's fastest curve against each of the others, where there are any."""
+        others = [curve for curve in self.curves if curve.solver != "elastune" and curve.points]
+        if not others:
+            return
+        names = list(dict.fromkeys(curve.name for curve in others))
+        yield ""
+        yield f"| case | error | Elastune, s | with | {' | '.join(f'{name}, s' for name in names)} |"
+        yield f"|{'---|' * (4 + len(names))}"
+        for panel in dict.fromkeys(curve.panel for curve in others):
+            ours = [curve for curve in self.curves if curve.solver == "elastune" and curve.panel == panel]
+            rivals = {curve.name: curve for curve in others if curve.panel == panel}
+            for tolerance in self.study.tolerances:
+                prices = {curve.name: curve.price(self.study.plot, tolerance) for curve in ours}
+                best = min(prices, key=lambda name: prices[name])
+                row = [panel, f"{100 * tolerance:g} %", f"{prices[best]:.2g}", best]
+                row += [self._factor(rivals[name], tolerance, prices[best]) for name in names if name in rivals]
+                yield f"| {' | '.join(row)} |"
+
+    def _factor(self, rival: Curve, tolerance: float, best: float) -> str:
+        seconds = rival.price(self.study.plot, tolerance)
+        # A run that was given up has lasted that long at least.
+        over = "over " if math.isinf(seconds) else ""
+        factor = (self.study.timeout if over and rival.timed_out else seconds) / best
+        text = self._price(rival, tolerance)
+        return f"{text} ({over}{factor:,.0f} ×)" if math.isfinite(factor) else text
 
 
 def _number(value: float) -> str:

@@ -9,6 +9,9 @@ from app.problem import Array, Problem
 # A filtered tangent is too stiff where it took negative curvature away: its step may be this many times too short.
 LONGEST = 32.0
 
+# Of the largest forces on the way, in the scale of what is small.
+SHARE = 1e-2
+
 
 class Merit:
     """Π and its gradient at the iterate, and the line search along a step.
@@ -19,7 +22,8 @@ class Merit:
         values: The iterate.
         value: Π, or half the square of the residual's norm.
         gradient: Forces out of balance, zero at the prescribed displacements.
-        scale: Largest norm of internal or external forces on the way, reactions among them.
+        scale: Norm of internal or external forces, whichever is larger, reactions among them; at least a share
+            of the largest on the way, for a body that comes to rest.
     """
 
     def __init__(self, problem: Problem, values: Array) -> None:
@@ -31,7 +35,7 @@ class Merit:
         self.problem = problem
         self.conservative = problem.potential.loads.conservative
         self.values = values
-        self.scale = 0.0
+        self.scale = self._largest = 0.0
         self.gradient = self._gradient(values)
         self.value = self._value(values, self.gradient)
         if not np.isfinite(self.value):
@@ -39,17 +43,20 @@ class Merit:
 
     @property
     def error(self) -> float:
-        """Norm of the forces out of balance, relative to the scale."""
-        return self.problem.norm(self.gradient) / (self.scale or 1.0)
+        """Norm of the forces out of balance, relative to the scale; zero where it is rounding."""
+        norm = self.problem.norm(self.gradient)
+        return 0.0 if norm <= self.problem.rounding else norm / self.scale
 
     def _gradient(self, values: Array) -> Array:
         problem = self.problem
         gradient = problem.force_at(values, problem.potential.internal)
-        self.scale = max(self.scale, problem.norm(gradient))
+        scale = problem.norm(gradient)
         if problem.potential.external:
             external = problem.force_at(values, problem.potential.external)
-            self.scale = max(self.scale, problem.norm(external))
+            scale = max(scale, problem.norm(external))
             gradient = gradient + external
+        self._largest = max(self._largest, scale)
+        self.scale = max(scale, SHARE * self._largest)
         gradient[problem.held] = 0.0
         return gradient
 

@@ -13,6 +13,7 @@ from app.errors import SceneError
 from app.scene import Condition, Rotation, Scene, material_energy, mesh_arguments
 from forms.elements import ELEMENTS, Choice
 from forms.mixed import MixedPotential
+from forms.normalize import linearize
 from forms.potential import Loads, Potential
 from forms.spaces import displacement_space, pressure_space
 from forms.volumetric import Split, split
@@ -125,6 +126,13 @@ class Problem:
         """Largest extent of the body at rest along an axis."""
         low, high = self.bounds
         return float((high - low).max())
+
+    @cached_property
+    def rounding(self) -> float:
+        """Forces out of balance that cannot be told from none: displacements are rounded relative to the extent."""
+        at_rest = linearize(self.energy)
+        stiffness = at_rest.lame_lambda + 2 * at_rest.lame_mu
+        return 16 * float(np.finfo(np.float64).eps) * stiffness * self.extent ** (self.dimension - 1)
 
     # ------------------------------------------------------------------ layout of a vector
 

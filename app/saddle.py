@@ -2,28 +2,17 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
-import dolfinx.fem.petsc
 import numpy as np
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 
+from app.blocks import Blocks, Convexity
 from app.errors import NotConverged
 from app.problem import Array, Problem
-from app.tangent import DIRECT_LIMIT, Count, rigid_motions
+from app.tangent import Count
 from forms.mixed import MixedPotential
-
-# Iterations of FGMRES; 30 to 60 are usual, and a tangent that takes more is likely not to be one of descent.
-LONGEST = 200
-
-
-class Convexity(NamedTuple):
-    """What is done to the displacement block: the filter of the μ part, and the share of `stretching` added."""
-
-    filter: Literal["none", "clamp", "absolute"]
-    share: float
 
 
 class SaddlePoint:
@@ -31,7 +20,7 @@ class SaddlePoint:
 
     A step is a direction of descent where the tangent, with its n displacements and m pressures, has exactly m
     negative eigenvalues: the displacement block is then positive definite on the motions that the pressures
-    leave. MUMPS counts them; where there are more, the displacement block is made more convex.
+    leave. Where there are more, or a step leads nowhere, the displacement block is made more convex.
 
     The step's length is chosen by the augmented Lagrangian Π(u, p̂) + γ/2 |∂Π/∂p (u, p̂)|² at the pressure p̂ that
     the step aims at. Newton's direction is a direction of descent of it for large enough γ, and its own Newton
@@ -43,112 +32,18 @@ class SaddlePoint:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Creates the matrices and the linear solver."""
+        """Compiles what the steps need."""
         if not isinstance(problem.potential, MixedPotential):
             raise TypeError("expected a problem with pressures")
         self.problem, self.potential = problem, problem.potential
-        self.count = Count()
-        forms = problem.potential
-        create = dolfinx.fem.petsc.create_matrix
-        self._blocks = [
-            (create(forms.tangent[0]), forms.tangent),
-            (create(forms.coupling_transposed), [forms.coupling_transposed]),
-            (create(forms.coupling), [forms.coupling]),
-            (create(forms.compliance), [forms.compliance]),
-        ]
-        a, b, c, d = (matrix for matrix, _ in self._blocks)
-        self._nest = PETSc.Mat().createNest([[a, b], [c, d]], comm=problem.comm)
-        mass = dolfinx.fem.petsc.assemble_matrix(forms.mass)
-        mass.assemble()
-        self._volumes = mass.getDiagonal().array_r.copy()
+        self.tangent = Blocks(problem, problem.potential)
         gradient = ufl.grad(problem.u)
         self._distortion = fem.form(ufl.inner(gradient, gradient) * ufl.dx)
-        self._pressures = problem.comm.allreduce(problem.owned_pressures)
 
-        linear = problem.scene.solve.linear
-        self.direct = linear == "direct" or (linear == "auto" and problem.size <= DIRECT_LIMIT)
-        self.ksp = PETSc.KSP().create(problem.comm)
-        self.matrix = PETSc.Mat() if self.direct else self._nest
-        if self.direct:
-            self._configure_direct()
-        else:
-            self._configure_iterative(mass)
-        self.ksp.setFromOptions()
-
-    # ------------------------------------------------------------------ linear algebra
-
-    def _configure_direct(self) -> None:
-        self.ksp.setType("preonly")
-        pc = self.ksp.getPC()
-        pc.setType("cholesky" if self.potential.loads.conservative else "lu")
-        pc.setFactorSolverType("mumps")
-
-    def _configure_iterative(self, mass: PETSc.Mat) -> None:
-        """A block triangle of algebraic multigrid and the pressures' mass matrix, scaled to the Schur complement."""
-        stiffness = self._blocks[0][0]
-        stiffness.setNearNullSpace(rigid_motions(self.problem))
-        bulk = self.problem.split.bulk if self.problem.split is not None else np.inf
-        mass.scale(-(1 / self.potential.shear_modulus + 1 / bulk))
-        self.ksp.setType("fgmres")
-        self.ksp.setGMRESRestart(LONGEST)
-        self.ksp.setTolerances(max_it=LONGEST)
-        pc = self.ksp.getPC()
-        pc.setType("fieldsplit")
-        rows, _ = self._nest.getNestISs()
-        pc.setFieldSplitIS(("u", rows[0]), ("p", rows[1]))
-        pc.setFieldSplitType(PETSc.PC.CompositeType.SCHUR)
-        pc.setFieldSplitSchurFactType(PETSc.PC.SchurFactType.UPPER)
-        pc.setFieldSplitSchurPreType(PETSc.PC.SchurPreType.USER, mass)
-        self.ksp.setOperators(self.matrix)
-        options = PETSc.Options()
-        for key, value in {"u_ksp_type": "preonly", "u_pc_type": "gamg", "p_ksp_type": "preonly"}.items():
-            name = f"fieldsplit_{key}"
-            if not options.hasName(name):
-                options[name] = value
-
-    def assemble(self, convexity: Convexity) -> None:
-        """Assembles the tangent at the current state, rows and columns of prescribed displacements aside."""
-        problem, forms = self.problem, self.potential
-        forms.set_filter(convexity.filter)
-        forms.share.value = convexity.share
-        stretching = [forms.stretching] if convexity.share > 0 else []
-        for matrix, terms in self._blocks:
-            matrix.zeroEntries()
-            for form in [*terms, *(stretching if terms is forms.tangent else [])]:
-                dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
-                # Zeros inserted on the diagonal and what the next form adds must not meet.
-                matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
-            matrix.assemble()
-        stiffness = self._blocks[0][0]
-        # A diagonal of the size of the others keeps the prescribed rows out of the conditioning.
-        diagonal = stiffness.getDiagonal()
-        diagonal.array[problem.held[: problem.owned_displacements]] = diagonal.norm(PETSc.NormType.INFINITY) or 1.0
-        stiffness.setDiagonal(diagonal)
-        self._nest.assemble()
-        if self.direct:
-            self.matrix = self._nest.convert("aij", out=self.matrix)
-            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.potential.loads.conservative)
-
-    def linear_solve(self, rhs: Array, rtol: float) -> Array | None:
-        """Solves with the assembled tangent; None if the solution is of no use, or no direction of descent."""
-        problem = self.problem
-        b = PETSc.Vec().createMPI((problem.owned, problem.size), comm=problem.comm)
-        y = b.duplicate()
-        b.array[:] = rhs[: problem.owned]
-        self.ksp.setOperators(self.matrix)
-        self.ksp.setTolerances(rtol=rtol)
-        self.ksp.solve(b, y)
-        self.count.linear += max(self.ksp.getIterationNumber(), 1)
-        pc = self.ksp.getPC()
-        if self.ksp.getConvergedReason() < 0:
-            return None
-        counted = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
-        if counted and pc.getFactorMatrix().getMumpsInfog(12) != self._pressures:
-            return None
-        step = np.zeros_like(rhs)
-        step[: problem.owned] = y.array_r
-        step[problem.held] = 0.0
-        return step if np.isfinite(problem.norm(step)) else None
+    @property
+    def count(self) -> Count:
+        """What has been spent."""
+        return self.tangent.count
 
     # ------------------------------------------------------------------ the steps of a load increment
 
@@ -168,8 +63,8 @@ class SaddlePoint:
         residual = problem.residual_at(values)
         residual[problem.held] = 0.0
         for convexity in self._ladder:
-            self.assemble(convexity)
-            step = self.linear_solve(problem.lift(increment) - residual, 1e-4)
+            self.tangent.assemble(convexity)
+            step = self.tangent.solve(problem.lift(increment) - residual, 1e-4)
             if step is not None:
                 guess = values + increment + step
                 # A pressure may be predicted that no volume ratio of the material has.
@@ -230,14 +125,14 @@ class SaddlePoint:
 
     def _squared(self, strains: Array) -> float:
         """Square of a volume strain's norm, ∫θ² of its values at the pressures' nodes."""
-        return self.problem.comm.allreduce(float(strains @ (strains / self._volumes)))
+        return self.problem.comm.allreduce(float(strains @ (strains / self.tangent.volumes)))
 
     def _step(self, values: Array, residual: Array, error: float, forcing: float, rung: int) -> tuple[Array, int]:
         """The state after a step, and the rung of the ladder to start from where the true tangent fails next."""
         for number in (0, *range(max(1, rung), len(self._ladder))):
             self.problem.set_state(values)
-            self.assemble(self._ladder[number])
-            step = self.linear_solve(-residual, forcing)
+            self.tangent.assemble(self._ladder[number])
+            step = self.tangent.solve(-residual, forcing)
             length = None if step is None else self._length(values, step, error)
             if step is not None and length is not None:
                 return values + length * step, number - 1
@@ -266,7 +161,7 @@ class SaddlePoint:
         weight = self.potential.shear_modulus
         if slope > 0:
             # Of a tangent whose eigenvalues nobody counted, a large weight is a sign that they are wrong.
-            limit = np.inf if self.direct else 10 * weight
+            limit = np.inf if self.tangent.direct else 10 * weight
             weight = max(weight, 2 * slope / squared) if squared > 0 else np.inf
             if not weight < limit:
                 return None

@@ -15,7 +15,7 @@ RANKS = [
     {"scene", "catalogue", "xdmf", "fields", "plots", "compat"},
     {"problem", "output", "study", "orders", "bench"},
     {"merit", "tangent", "measures", "predict", "start", "diagnose", "independent", "exact", "cases"},
-    {"newton", "records"},
+    {"newton", "records", "blocks"},
     {"solve", "comparison"},
     {"saddle", "recover"},
     {"stepping"},

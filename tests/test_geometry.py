@@ -317,6 +317,7 @@ def test_faces_by_name() -> None:
         ({"grade": {"left": 0.5, "right": 0.5}, "cells": 2}, "left and right: expected at least 3 cells"),
         ({"shape": "cylinder", "size": [1, 1], "grade": {"side": 0.5}, "cells": 6}, "at least 7 cells"),
         ({"path": "part.msh"}, "path = 'part.msh': expected shape = \"file\""),
+        ({"refine": 1}, "refine = 1: expected shape = \"file\""),
         ({"shape": "file"}, "path: expected the path of a .msh file"),
         ({"shape": "file", "path": "a.msh", "grade": {"left": 0.5}}, "grade = .*: expected none"),
         ({"shape": "file", "path": "a.msh", "order": 0}, "order = 0"),
@@ -445,6 +446,21 @@ def test_file_raised_to_second_order(tmp_path: Path) -> None:
     g = build(COMM, "file", path=write(tmp_path, two_blocks, SaveAll=1), order=2)
     assert degree(g) == 2
     assert g.volume() == pytest.approx(2)
+
+
+def test_file_refined(tmp_path: Path) -> None:
+    """Each cell is split in eight, groups and faces stay; curved cells, whose shape is not known, are refused."""
+    path = write(tmp_path, two_blocks, SaveAll=1)
+    coarse = build(COMM, "file", path=path)
+    for order in (1, 2):
+        g = build(COMM, "file", path=path, refine=1, order=order)
+        assert (g.faces, g.regions, degree(g)) == (coarse.faces, coarse.regions, order)
+        assert g.cells_count == 8 * coarse.cells_count
+        assert g.volume() == pytest.approx(2)
+        assert area(g, "load") == pytest.approx(1)
+    curved = write(tmp_path, lambda gmsh: two_blocks(gmsh, 2), "curved.msh", SaveAll=1)
+    with pytest.raises(GeometryError, match="refine = 1: expected straight cells"):
+        build(COMM, "file", path=curved, refine=1)
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])

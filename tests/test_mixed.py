@@ -10,18 +10,18 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from app.blocks import Blocks, Convexity
 from app.errors import SceneError
 from app.fields import Fields
 from app.measures import Measures
 from app.problem import Problem
-from app.saddle import Convexity, SaddlePoint
 from app.scene import Scene, parse
 from app.stepping import follow
 from forms.elements import ELEMENTS, Element, Pressure, choose
 from forms.energy import CATALOGUE, MaterialError
 from forms.kinematics import PrincipalStretches, as_numpy, deformation_gradient
 from forms.materials.functions import ENERGIES
-from forms.mixed import mixed_response
+from forms.mixed import MixedPotential, mixed_response
 from forms.normalize import linearize
 from forms.tuned import tuned_energy
 from forms.uniaxial import uniaxial
@@ -158,12 +158,13 @@ def test_tangent_is_the_derivative_of_the_residual_of_the_energy(element: str) -
     rng = np.random.default_rng(3)
     x, d = 0.01 * rng.normal(size=(2, made.size))
     d[made.held] = 0.0
-    saddle, step = SaddlePoint(made), 1e-6
+    assert isinstance(made.potential, MixedPotential)
+    tangent, step = Blocks(made, made.potential), 1e-6
     made.set_state(x)
-    saddle.assemble(Convexity("none", 0.0))
-    product, direction = saddle.matrix.createVecs()
+    tangent.assemble(Convexity("none", 0.0))
+    product, direction = tangent.matrix.createVecs()
     direction.array[:] = d
-    saddle.matrix.mult(direction, product)
+    tangent.matrix.mult(direction, product)
     difference = (made.residual_at(x + step * d) - made.residual_at(x - step * d)) / (2 * step)
     free = ~made.held
     assert np.abs(difference - product.array)[free].max() < 1e-7 * np.abs(difference).max()

@@ -240,7 +240,7 @@ def test_one_grid_a_step_and_the_mesh_only_once(tmp_path: Path) -> None:
     _write(tmp_path, _displacement("hexahedron", 1, 1, SHEARED))
     collection = ET.parse(tmp_path / "fields.xdmf").find("Domain/Grid[@CollectionType='Temporal']")
     assert collection is not None
-    assert [len(grid.findall("Attribute")) for grid in collection] == [6, 6, 6]
+    assert [len(grid.findall("Attribute")) for grid in collection] == [7, 7, 7]
     with h5py.File(tmp_path / "fields.h5") as file:
         assert set(file) == {"mesh", "steps"}
         assert set(file["mesh"]) == {"points", "cells"}
@@ -271,7 +271,8 @@ def test_two_ranks_write_what_one_writes(tmp_path: Path) -> None:
     command = ["mpirun", "-n", "2", sys.executable, "-c", PARALLEL, str(Path(__file__).parent), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert sorted(line.split(":")[0] for line in done.stdout.splitlines()) == ["rank 0", "rank 1"]
+    # Ranks write when they like: their lines may run together.
+    assert all(f"rank {rank}: " in done.stdout for rank in (0, 1)), done.stdout
     (tmp_path / "one").mkdir()
     _write(tmp_path / "one", _displacement("tetrahedron", 2, 2, SHEARED))
     _check_file(tmp_path, SHEARED)
@@ -417,7 +418,8 @@ def test_failed_run_leaves_the_same_files(tmp_path: Path, caplog: pytest.LogCapt
         assert _names(tmp_path) == sorted(NUMBERS + PICTURES)
         document = json.loads((tmp_path / "summary.json").read_text())
         assert document["status"] == "failed"
-        assert document["failure"] == {"kind": "line_search", "message": "no descent", "load": 0.25}
+        told = {key: document["failure"][key] for key in ("kind", "message", "load")}
+        assert told == {"kind": "line_search", "message": "no descent", "load": 0.25}
         assert len(_read(tmp_path)[3]) == len(loads) + 1
     assert caplog.text == ""
 
