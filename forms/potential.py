@@ -120,7 +120,7 @@ class Potential:
 def _assembled_by(assembly: str, energy: Energy, u: fem.Function, extension: float | None) -> dict[str, str]:
     """What assembles energy, residual and tangent: "ufl" or "spectral"."""
     if assembly == "auto":
-        return {**fastest(energy, u, extended=extension is not None), "tangent": "spectral"}
+        return fastest(energy, u, extended=extension is not None)
     return dict.fromkeys(("energy", "residual", "tangent"), assembly)
 
 
