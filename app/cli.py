@@ -144,8 +144,7 @@ def _run(options: Any, petsc: list[str]) -> int:
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
 
-    # A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
-    os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler"
+    _keep_signals()
     from app.progress import Screen
     from app.run import run
 
@@ -199,14 +198,24 @@ def _converge(options: Any, petsc: list[str]) -> int:
     return OK
 
 
+def _keep_signals() -> None:
+    """Before PETSc starts: a closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report."""
+    os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler"
+
+
 def _stress(options: Any, petsc: list[str]) -> int:
+    _keep_signals()
     from mpi4py import MPI
 
     from app.matrix import matrix
     from app.stress import Row, stress
+    from forms.energy import MaterialError
     from forms.materials import get
 
-    materials = [get(name) and name for name in options.material or []]
+    try:
+        materials = [get(name).name for name in options.material or []]
+    except MaterialError as error:
+        raise UserError(str(error)) from None
 
     def tell(row: Row) -> None:
         print(f"{row.material:28} {row.scene:10} nu {row.nu:<6g} {row.cell} {row.status:10} {row.reason}", flush=True)
