@@ -77,6 +77,8 @@ class Tangent:
         matrix.zeroEntries()
         for form in problem.potential.tangent:
             dolfinx.fem.petsc.assemble_matrix(matrix, form, problem.conditions, 0.0)  # type: ignore[arg-type]
+            # dolfinx leaves PETSc's matrix in another mode of insertion; without a flush a second form is lost.
+            matrix.assemble(PETSc.Mat.AssemblyType.FLUSH)
         matrix.assemble()
         if filtering == "shifted":
             matrix.shift(self._shift)
