@@ -61,10 +61,13 @@ class Choice(NamedTuple):
     reason: str
 
 
-# Cube clamped and pulled to twice its length, stable neo-Hookean, to 1 % of the reaction: at ν = 0.3 Q2 and
-# Q2-P1d take the same meshes and time, from ν = 0.45 on the pair takes half the time, at 0.49 a fifth and at
-# 0.499 a seventh. P2 against P2-P1 likewise. First-order elements take 4 to 100 times as long throughout, and
-# serve where the mesh given leaves nothing better.
+# Seconds on one core to 1 % of the reaction of a cube clamped and pulled to twice its length, stable neo-Hookean:
+#   ν       Q2     Q2-P1d   P2     P2-P1   Q1-P0   Q1, P1
+#   0.3     0.21   0.19     0.14   0.26    0.4     0.9, 2.5
+#   0.45    0.66   0.47     1.0    0.59    1.6     over 4
+#   0.49    0.86   0.54     1.2    0.69    2.1     over 100
+#   0.499   1.6    0.54     9      0.71    2.1     over 100
+# First-order elements serve where the mesh given leaves nothing better.
 MIXED_FROM = 0.4
 MOST_UNKNOWNS = 1_000_000
 _UNKNOWNS_PER_CELL = {"hexahedron": 24, "tetrahedron": 4.2, "quadrilateral": 8, "triangle": 4}
