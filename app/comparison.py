@@ -186,7 +186,7 @@ class Comparison:
     def _price(self, curve: Curve, tolerance: float) -> str:
         seconds = curve.price(self.study.plot, tolerance)
         if math.isfinite(seconds):
-            return f"{seconds:.2g}"
+            return _seconds(seconds)
         return f"not in {self.study.timeout:g} s" if curve.timed_out else "-"
 
     def _against(self) -> Iterator[str]:
@@ -204,7 +204,7 @@ class Comparison:
             for tolerance in self.study.tolerances:
                 prices = {curve.name: curve.price(self.study.plot, tolerance) for curve in ours}
                 best = min(prices, key=lambda name: prices[name])
-                row = [panel, f"{100 * tolerance:g} %", f"{prices[best]:.2g}", best]
+                row = [panel, f"{100 * tolerance:g} %", _seconds(prices[best]), best]
                 row += [self._factor(rivals[name], tolerance, prices[best]) for name in names if name in rivals]
                 yield f"| {' | '.join(row)} |"
 
@@ -214,7 +214,15 @@ class Comparison:
         over = "over " if math.isinf(seconds) else ""
         factor = (self.study.timeout if over and rival.timed_out else seconds) / best
         text = self._price(rival, tolerance)
-        return f"{text} ({over}{factor:,.0f} ×)" if math.isfinite(factor) else text
+        if not math.isfinite(factor):
+            return text
+        # Two digits, rounded down: the times have no more.
+        unit = 10.0 ** (math.floor(math.log10(factor)) - 1)
+        return f"{text} ({over}{math.floor(factor / unit) * unit:,.{0 if unit >= 1 else 1}f} ×)"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
 
 
 def _number(value: float) -> str:

@@ -48,8 +48,8 @@ def _figure(study: Study, curves: list[Curve], path: Path, label: str) -> None:
     names = list(dict.fromkeys((curve.name, curve.solver) for curve in curves))
     many = len(names) > MANY
     width = 4.6 * len(panels) + (2.6 if many else 1.2)
-    figure = Figure(figsize=(width, 4.6), dpi=110, layout="constrained")
-    grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    figure = Figure(figsize=(width, 4.6), dpi=90 if many else 110, layout="constrained")
+    grid = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
     styles = _styles(names, many)
     for axes, panel in zip(grid, panels, strict=True):
         for curve in curves:

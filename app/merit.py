@@ -9,7 +9,7 @@ from app.problem import Array, Problem
 # A filtered tangent is too stiff where it took negative curvature away: its step may be this many times too short.
 LONGEST = 32.0
 
-# Of the largest forces on the way, in the scale of what is small.
+# Of the largest forces on the way, in the scale of what is small where they all vanish.
 SHARE = 1e-2
 
 
@@ -23,7 +23,7 @@ class Merit:
         value: Π, or half the square of the residual's norm.
         gradient: Forces out of balance, zero at the prescribed displacements.
         scale: Norm of internal or external forces, whichever is larger, reactions among them; at least a share
-            of the largest on the way, for a body that comes to rest.
+            of the largest on the way, or of the body's stiffness if that is less, for a body that comes to rest.
     """
 
     def __init__(self, problem: Problem, values: Array) -> None:
@@ -45,7 +45,8 @@ class Merit:
     def error(self) -> float:
         """Norm of the forces out of balance, relative to the scale; zero where it is rounding."""
         norm = self.problem.norm(self.gradient)
-        return 0.0 if norm <= self.problem.rounding else norm / self.scale
+        # Displacements are rounded relative to the body's extent.
+        return 0.0 if norm <= 16 * np.finfo(np.float64).eps * self.problem.stiffness else norm / self.scale
 
     def _gradient(self, values: Array) -> Array:
         problem = self.problem
@@ -56,7 +57,7 @@ class Merit:
             scale = max(scale, problem.norm(external))
             gradient = gradient + external
         self._largest = max(self._largest, scale)
-        self.scale = max(scale, SHARE * self._largest)
+        self.scale = max(scale, SHARE * min(self._largest, problem.stiffness))
         gradient[problem.held] = 0.0
         return gradient
 

@@ -128,11 +128,10 @@ class Problem:
         return float((high - low).max())
 
     @cached_property
-    def rounding(self) -> float:
-        """Forces out of balance that cannot be told from none: displacements are rounded relative to the extent."""
+    def stiffness(self) -> float:
+        """The force of a strain of one at rest: λ + 2μ over the square of the extent."""
         at_rest = linearize(self.energy)
-        stiffness = at_rest.lame_lambda + 2 * at_rest.lame_mu
-        return 16 * float(np.finfo(np.float64).eps) * stiffness * self.extent ** (self.dimension - 1)
+        return (at_rest.lame_lambda + 2 * at_rest.lame_mu) * self.extent ** (self.dimension - 1)
 
     # ------------------------------------------------------------------ layout of a vector
 

@@ -11,7 +11,7 @@ from dolfinx import fem
 from app.blocks import Blocks, Convexity
 from app.errors import NotConverged
 from app.problem import Array, Problem
-from app.tangent import Count
+from app.tangent import Count, Deadline
 from forms.mixed import MixedPotential
 
 
@@ -37,6 +37,7 @@ class SaddlePoint:
             raise TypeError("expected a problem with pressures")
         self.problem, self.potential = problem, problem.potential
         self.tangent = Blocks(problem, problem.potential)
+        self._deadline = Deadline(problem)
         gradient = ufl.grad(problem.u)
         self._distortion = fem.form(ufl.inner(gradient, gradient) * ufl.dx)
 
@@ -90,6 +91,7 @@ class SaddlePoint:
         self._scale = 0.0
         previous, rung = None, 0
         for iteration in range(solve.max_iterations + 1):
+            self._deadline.check()
             residual, error = self._residual(values)
             if not np.isfinite(error):
                 raise NotConverged("undefined", "the forces are not finite at the start of the step", values)

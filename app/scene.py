@@ -339,8 +339,13 @@ def _check(scene: Scene) -> None:
     _check_conditions(scene)
     energy = material_energy(scene)
     _check_start(scene, energy)
-    if scene.material.extension is not None and element.pressure is not None:
-        raise SceneError(f'material.extension: not for mixed elements, got solve.element = "{scene.element}"')
+    for key, value, only in (
+        ("material.extension", scene.material.extension, None),
+        ("solve.filter", scene.solve.filter, "auto"),
+        ("solve.method", scene.solve.method, "line-search"),
+    ):
+        if element.pressure is not None and value != only:
+            raise SceneError(f'{key} = {value!r}: not for mixed elements, got solve.element = "{scene.element}"')
     if scene.material.extension is not None and not energy.objective:
         raise SceneError(f"material.extension: {energy.name} has no singularity to continue")
     if scene.material.extension is not None and scene.solve.assembly == "ufl":

@@ -1,6 +1,5 @@
 """Minimises Π at one load: PETSc's SNES around Newton's method with an energy line search, or a trust region."""
 
-import time
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -12,7 +11,7 @@ from app.errors import NotConverged
 from app.newton import Newton
 from app.problem import Array, Problem
 from app.start import uniform
-from app.tangent import Count, Tangent, vector
+from app.tangent import Count, Deadline, Tangent, vector
 
 # The trust region hands over where the forces have fallen to this share: the differences of the energy that it
 # lives on are lost in rounding near the minimum, where Newton's method needs no help.
@@ -42,8 +41,7 @@ class Minimizer:
     def __init__(self, problem: Problem) -> None:
         """Creates SNES, KSP and the matrix for a problem."""
         self.problem = problem
-        solve = problem.scene.solve
-        self._deadline = None if solve.time_limit is None else time.monotonic() + solve.time_limit
+        self._deadline = Deadline(problem)
         snes = PETSc.SNES().create(problem.comm)
         self.tangent = Tangent(problem, snes.getKSP())
         self.x = vector(problem)
@@ -111,7 +109,7 @@ class Minimizer:
     def _in_balance(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         solve = self.problem.scene.solve
         try:
-            self._check_time()
+            self._deadline.check()
         except NotConverged as failure:
             self._failure = failure
             return PETSc.SNES.ConvergedReason.DIVERGED_FUNCTION_COUNT
@@ -128,7 +126,7 @@ class Minimizer:
         """SNES's call to the type "python"; leaves the solution in x, or the reason in `_failure`."""
 
         def monitor(iteration: int, norm: float) -> None:
-            self._check_time()
+            self._deadline.check()
             snes.setIterationNumber(iteration)
             snes.setFunctionNorm(norm)
             snes.monitor(iteration, norm)
@@ -140,14 +138,6 @@ class Minimizer:
         except NotConverged as failure:
             self._failure = failure
             snes.setConvergedReason(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
-
-    def _check_time(self) -> None:
-        if self._deadline is None:
-            return
-        late = time.monotonic() > self._deadline
-        if self.problem.comm.allreduce(late):
-            limit = self.problem.scene.solve.time_limit
-            raise NotConverged("time", f"stopped after the {limit:g} s of solve.time_limit", self.problem.state)
 
     # ------------------------------------------------------------------ the steps of a load increment
 

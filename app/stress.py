@@ -16,7 +16,7 @@ from app.diagnose import diagnose
 from app.errors import SceneError
 from app.independent import out_of_balance
 from app.measures import Measures
-from app.problem import Problem
+from app.problem import Array, Problem
 from app.scene import Scene, load
 from app.stepping import LoadFailure, follow
 from forms.energy import CATALOGUE
@@ -153,23 +153,30 @@ def _solve(row: Row, scene: Scene) -> None:
             row.linear += state.linear
         row.status = "converged"
     except LoadFailure as failure:
-        found = diagnose(problem, failure.values, failure.kind)
         row.status = "failed"
-        row.reason = (
-            f"load {failure.load:.4g}: {failure.kind}: {failure}; {found['inverted_cells']} cells inverted, "
-            f"J from {found['J'][0]:.3g}, least acoustic eigenvalue {found['ellipticity']:.3g} mu; "
-            f"try: {found['advice'][0]}"
-        )
+        told = f"load {failure.load:.4g}: {failure.kind}: {failure}"
+        row.reason = _explained(problem, failure.values, failure.kind, told)
     row.min_J = Measures(problem).min_J()
     row.energy = problem.energy_at(problem.state)
     row.residual = out_of_balance(problem)
     if row.status != "converged":
         return
     if not (np.isfinite([row.min_J, row.energy]).all() and row.residual <= LIMIT):
-        row.status, row.reason = "failed", f"the independent residual is {row.residual:.1e}, expected {LIMIT:.0e}"
+        row.status = "failed"
+        told = f"the independent residual is {row.residual:.1e}, expected {LIMIT:.0e}"
+        row.reason = _explained(problem, None, "iterations", told)
     elif scene.start is not None and np.abs(problem.state).max() > 1e-6:
         row.status = "elsewhere"
         row.reason = f"another minimum, displaced by {np.abs(problem.state).max():.2g}, least J {row.min_J:.3g}"
+
+
+def _explained(problem: Problem, values: Array | None, kind: str, told: str) -> str:
+    """What happened, with the diagnosis, in one line."""
+    found = diagnose(problem, values, kind)
+    return (
+        f"{told}; {found['inverted_cells']} cells inverted, J from {found['J'][0]:.3g}, "
+        f"least acoustic eigenvalue {found['ellipticity']:.3g} mu; try: {found['advice'][0]}"
+    )
 
 
 def read(table: Path) -> list[Row]:

@@ -1,5 +1,6 @@
 """The tangent: assembled with any filter, and solved with."""
 
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -25,6 +26,27 @@ class Count:
 
     newton: int = 0
     linear: int = 0
+
+
+class Deadline:
+    """The moment at which a scene's time is up, counted from now."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Without a limit in the scene there is none."""
+        self._problem = problem
+        limit = problem.scene.solve.time_limit
+        self._end = None if limit is None else time.monotonic() + limit
+
+    def check(self) -> None:
+        """Stops all ranks together.
+
+        Raises:
+            NotConverged: If the time is up on any of them.
+        """
+        if self._end is None or not self._problem.comm.allreduce(time.monotonic() > self._end):
+            return
+        limit = self._problem.scene.solve.time_limit
+        raise NotConverged("time", f"stopped after the {limit:g} s of solve.time_limit", self._problem.state)
 
 
 class Tangent:

@@ -16,7 +16,7 @@ from app.fields import Fields
 from app.measures import Measures
 from app.problem import Problem
 from app.scene import Scene, parse
-from app.stepping import follow
+from app.stepping import LoadFailure, follow
 from forms.elements import ELEMENTS, Element, Pressure, choose
 from forms.energy import CATALOGUE, MaterialError
 from forms.kinematics import PrincipalStretches, as_numpy, deformation_gradient
@@ -139,6 +139,7 @@ def test_pressures_that_no_volume_ratio_has_are_not_numbers() -> None:
         ("P2-P1", {"material": {"name": "linear-corotational"}}, ["function of J", 'volume = "neo-hookean-ogden"']),
         ("P2-P1", {"material": {"calibrate": "least"}}, ["calibrate"]),
         ("Q2-P1d", {"material": {"extension": 0.2}}, ["extension", "mixed"]),
+        ("Q2-P1d", {"solve": {"method": "trust-region"}}, ["method", "mixed"]),
         ("P1-bubble", {"mesh": {"cell": "hexahedron"}}, ["tetrahedron"]),
     ],
 )
@@ -372,6 +373,12 @@ def test_incompressible_twist() -> None:
     newton_steps(made)
     assert Measures(made).volume_ratio() == pytest.approx(1, abs=1e-9)
     assert Measures(made).min_J() > 0.5
+
+
+def test_time_limit() -> None:
+    with pytest.raises(LoadFailure) as failure:
+        newton_steps(problem("Q2-P1d", 0.5, PULL, solve={"time_limit": 1e-6}))
+    assert failure.value.kind == "time"
 
 
 # ---------------------------------------------------------------------- the choice
