@@ -56,9 +56,7 @@ class Measured:
     values: dict[str, float] = field(default_factory=dict)
 
 
-def measure(
-    scene: Scene, solver: str, manufactured: bool, quantities: dict[str, Quantity], comm: MPI.Comm
-) -> Measured:
+def measure(scene: Scene, solver: str, manufactured: bool, quantities: dict[str, Quantity], comm: MPI.Comm) -> Measured:
     """Solves a scene and reads off what is asked; a failure is a result too."""
     solve = _tutorial if solver == "tutorial" else _manufactured if manufactured else _scene
     with suppress(LoadFailure):

@@ -113,6 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _COMMANDS[options.command](options, petsc)
     except UserError as error:
         _complain(str(error))
+        _wait_for_others()
         return BAD_INPUT
     except KeyboardInterrupt:
         _complain("interrupted")
@@ -136,6 +137,14 @@ def _complain(message: str) -> None:
     # Bad input is found before MPI is loaded: the launcher's variable tells the rank.
     if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
         print(f"elastune: {' '.join(message.split())}", file=sys.stderr)
+
+
+def _wait_for_others() -> None:
+    """Before MPI is loaded, mpirun ends all ranks as soon as one exits: rank 0 must have spoken by then."""
+    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1 and "mpi4py.MPI" not in sys.modules:
+        from mpi4py import MPI
+
+        MPI.COMM_WORLD.Barrier()
 
 
 def _run(options: Any, petsc: list[str]) -> int:

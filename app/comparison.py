@@ -190,7 +190,7 @@ class Comparison:
         return f"not in {self.study.timeout:g} s" if curve.timed_out else "-"
 
     def _against(self) -> Iterator[str]:
-        """Elastune's fastest curve against each of the others, where there are any."""
+        """Elastune's default, or its fastest curve, against each of the other solvers', where there are any."""
         others = [curve for curve in self.curves if curve.solver != "elastune" and curve.points]
         if not others:
             return
@@ -200,6 +200,7 @@ class Comparison:
         yield f"|{'---|' * (4 + len(names))}"
         for panel in dict.fromkeys(curve.panel for curve in others):
             ours = [curve for curve in self.curves if curve.solver == "elastune" and curve.panel == panel]
+            ours = [curve for curve in ours if self.study.default in (None, curve.name)]
             rivals = {curve.name: curve for curve in others if curve.panel == panel}
             for tolerance in self.study.tolerances:
                 prices = {curve.name: curve.price(self.study.plot, tolerance) for curve in ours}
@@ -227,4 +228,3 @@ def _seconds(value: float) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.2f}" if math.isfinite(value) else "-"
-

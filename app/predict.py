@@ -32,9 +32,7 @@ class Blend:
         u, v = ufl.TrialFunction(W), ufl.TestFunction(W)
         laplace = fem.form(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
         facets = {
-            face: fem.locate_dofs_topological(
-                W, problem.geometry.mesh.topology.dim - 1, problem.geometry.facets(face)
-            )
+            face: fem.locate_dofs_topological(W, problem.geometry.mesh.topology.dim - 1, problem.geometry.facets(face))
             for face, condition in problem.scene.boundary.items()
             if condition.holds and condition.roller is None
         }

@@ -59,7 +59,7 @@ class Problem:
         self.dimension = mesh.geometry.dim
         self.element, self.reason = _element(scene, mesh.topology.cell_name(), self.geometry.cells_count)
         element = ELEMENTS[self.element]
-        self.quadrature = scene.solve.quadrature or element.quadrature
+        self.quadrature = scene.solve.quadrature or (element.tangled_quadrature if scene.start else element.quadrature)
         self.V = displacement_space(mesh, element)
         self.u = fem.Function(self.V, name="displacement")
         self.p: fem.Function | None = None
@@ -345,9 +345,7 @@ def _element(scene: Scene, cell: str, cells: int) -> Choice:
     """Element, checked against the cell type that the mesh turned out to have."""
     if scene.solve.element == "auto":
         return scene.chosen(cell, cells)
-    name = scene.element if scene.mesh.shape != "file" else scene.solve.element
-    if name is None:
-        name = next(name for name, element in ELEMENTS.items() if cell in element.cells)
+    name = scene.solve.element
     if cell not in ELEMENTS[name].cells:
         lives = " or ".join(ELEMENTS[name].cells)
         raise SceneError(f'solve.element = "{name}": lives on {lives}, got a mesh of {cell} cells')

@@ -51,7 +51,7 @@ class Mesh(_Table):
 class Solve(_Table):
     """How it is solved."""
 
-    element: Literal[(*ELEMENTS, "auto")] | None = None  # type: ignore[valid-type]
+    element: Literal[(*ELEMENTS, "auto")] = "auto"  # type: ignore[valid-type]
     steps: Count = 10
     tolerance: PositiveFloat = 1e-8
     max_iterations: Count = 60
@@ -154,9 +154,9 @@ class Start(_Table):
 class Output(_Table):
     """What is written beside `summary.json` and `history.csv`."""
 
-    fields: list[
-        Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]
-    ] = ["displacement"]
+    fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]] = [
+        "displacement"
+    ]
     picture: bool = True
 
 
@@ -178,17 +178,15 @@ class Scene(_Table):
         """Cell type; hexahedra and quadrilaterals unless a simplex element or cell is asked for."""
         if self.mesh.cell is not None:
             return self.mesh.cell
-        simplex = self.solve.element is not None and self.solve.element.startswith("P")
+        simplex = self.solve.element.startswith("P")
         if self.mesh.dimension == 2:
             return "triangle" if simplex else "quadrilateral"
         return "tetrahedron" if simplex else "hexahedron"
 
     @property
     def element(self) -> str:
-        """Element name; the first-order one of the cell type unless asked for, "auto" for a mesh not too large."""
-        if self.solve.element == "auto":
-            return self.chosen(self.cell).element
-        return self.solve.element or ("Q1" if self.cell in ("hexahedron", "quadrilateral") else "P1")
+        """Element name; for "auto" the one on a mesh not too large."""
+        return self.chosen(self.cell).element if self.solve.element == "auto" else self.solve.element
 
     def chosen(self, cell: str, cells: int = 0) -> Choice:
         """What "auto" stands for on so many cells of a type."""
@@ -339,11 +337,7 @@ def _check(scene: Scene) -> None:
     _check_conditions(scene)
     energy = material_energy(scene)
     _check_start(scene, energy)
-    for key, value, only in (
-        ("material.extension", scene.material.extension, None),
-        ("solve.filter", scene.solve.filter, "auto"),
-        ("solve.method", scene.solve.method, "line-search"),
-    ):
+    for key, value, only in _unmixed(scene):
         if element.pressure is not None and value != only:
             raise SceneError(f'{key} = {value!r}: not for mixed elements, got solve.element = "{scene.element}"')
     if scene.material.extension is not None and not energy.objective:
@@ -414,9 +408,18 @@ def material_energy(scene: Scene) -> Any:
         raise SceneError(f"material: {error}") from None
 
 
+def _unmixed(scene: Scene) -> tuple[tuple[str, Any, Any], ...]:
+    """Keys that mixed elements know one value of: key, the scene's value, and that one."""
+    return (
+        ("material.extension", scene.material.extension, None),
+        ("solve.filter", scene.solve.filter, "auto"),
+        ("solve.method", scene.solve.method, "line-search"),
+    )
+
+
 def _near_incompressible(scene: Scene) -> bool:
-    """Whether "auto" is to take a mixed element."""
-    if scene.material.extension is not None or scene.start is not None:
+    """Whether "auto" is to take a mixed element: never where one would be refused."""
+    if scene.start is not None or any(value != only for _, value, only in _unmixed(scene)):
         return False
     try:
         energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=True)

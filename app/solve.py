@@ -24,6 +24,7 @@ ROAMS, NOISE = 3, 1e-4
 # Filtered steps in a row after which steps that know negative curvature do better.
 PATIENCE = 12
 
+
 class Minimizer:
     """Finds the displacement of least Π under prescribed displacements.
 
@@ -165,9 +166,7 @@ class Minimizer:
             raise NotConverged("indefinite", "the prediction's tangent is not positive definite")
         return np.where(problem.held, values + increment, values + step)
 
-    def minimize(
-        self, values: Array, until: Callable[[], bool] | None = None, patience: float = PATIENCE
-    ) -> Array:
+    def minimize(self, values: Array, until: Callable[[], bool] | None = None, patience: float = PATIENCE) -> Array:
         """The minimiser from a state whose prescribed displacements are right.
 
         Args:

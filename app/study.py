@@ -109,6 +109,7 @@ class Study(_Table):
         panels: Key of the scene; each of its values gets a panel of its own.
         tolerances: Relative errors whose price the table tells.
         repeats: How often each case is timed, if it takes less than `repeat_below` seconds.
+        default: Label of the series that the table holds against other solvers; the fastest unless given.
         timeout: Seconds after which a case is given up, and finer ones of its curve are left out.
         set: Keys of the scene, for all cases.
         vary: As in a series, for all of them.
@@ -122,6 +123,7 @@ class Study(_Table):
     tolerances: list[Positive] = [0.01, 0.003, 0.001]
     repeats: Annotated[int, Field(ge=1)] = 1
     repeat_below: Positive = 60.0
+    default: str | None = None
     timeout: Positive = 600.0
     reference: Reference
     set: Tables = {}
@@ -134,6 +136,9 @@ class Study(_Table):
         names = ["energy", "volume_ratio", *(NORMS if self.reference.manufactured else self.quantities)]
         if self.plot not in names:
             raise ValueError(f"plot = {self.plot!r}: expected one of {', '.join(names)}")
+        labels = [series.label for series in self.series if series.solver == "elastune"]
+        if self.default is not None and self.default not in labels:
+            raise ValueError(f"default = {self.default!r}: expected the label of a series, {', '.join(labels)}")
         return self
 
 

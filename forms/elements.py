@@ -29,6 +29,14 @@ class Element:
     pressure: Pressure | None = None
     bubble: bool = False
 
+    @property
+    def tangled_quadrature(self) -> int:
+        """Degree for states that are tangled within a cell, which a rule for the state at rest may not see.
+
+        It integrates an energy of fourth degree in F exactly on straight simplices.
+        """
+        return max(self.quadrature, 4 * (self.degree - 1))
+
 
 _SIMPLEX = ("tetrahedron", "triangle")
 _TENSOR = ("hexahedron", "quadrilateral")

@@ -190,9 +190,7 @@ def _counts(shape: str, kind: Shape, lengths: tuple[float, ...], cells: Any, h: 
         given = f"cells = {cells!r}"
         values = _as_list(cells) or [cells]
         if len(values) not in (1, len(extents)) or not all(map(_is_count, values)):
-            raise GeometryError(
-                f"{given}: expected a whole number from 1 to {MOST_CELLS:,}, or {len(extents)} of them"
-            )
+            raise GeometryError(f"{given}: expected a whole number from 1 to {MOST_CELLS:,}, or {len(extents)} of them")
         counts = [int(value) for value in values]
         if len(values) == 1:
             reference = extents[0] if shape == "cylinder" else max(extents)

@@ -40,6 +40,7 @@ BROKEN = {
     "no title": ('title = "A small study"\n', "", ["title", "missing"]),
     "unknown scene": ('"cube-pull"', '"cube-push"', ["cube-push", "cube-pull"]),
     "unknown quantity": ('plot = "force"', 'plot = "stress"', ["plot", "stress", "energy, volume_ratio, force"]),
+    "unknown default": ("[quantities", 'default = "theirs"\n[quantities', ["default", "theirs", "ours"]),
     "no axis": ('along = "x"\n', "", ["quantities.force", "along", "about"]),
     "axis": ('along = "x"', 'along = "w"', ["quantities.force.along", "'w'"]),
     "free face": ('reaction = "right"', 'reaction = "top"', ["quantities.force.reaction", "left or right"]),

@@ -27,7 +27,11 @@ pytestmark = pytest.mark.filterwarnings("ignore:dofmap is deprecated:Deprecation
 COMM = MPI.COMM_WORLD
 SOLID, PLANE = ("tetrahedron", "hexahedron"), ("triangle", "quadrilateral")
 SIZES: dict[str, Any] = {
-    "cube": 2.0, "box": [1.0, 2.0, 3.0], "cylinder": [0.5, 2.0], "square": 2.0, "rectangle": [3.0, 2.0]
+    "cube": 2.0,
+    "box": [1.0, 2.0, 3.0],
+    "cylinder": [0.5, 2.0],
+    "square": 2.0,
+    "rectangle": [3.0, 2.0],
 }
 GRADES: dict[str, tuple[dict[str, float], ...]] = {
     "cube": ({}, {"left": 0.3}, {"bottom": 0.2, "top": 0.2, "back": 0.4}),
@@ -160,6 +164,7 @@ def test_boundary_is_named_once(shape: str, cell: str, order: int, grade: dict[s
 @pytest.mark.parametrize("cell", SOLID)
 def test_curved_cells_converge(cell: str) -> None:
     """The volume of a cylinder converges with order 2 for straight cells and 4 for curved ones."""
+
     def error(cells: int, order: int) -> float:
         g = build(COMM, "cylinder", [1.0, 1.0], [cells, 1], cell, order=order)
         return abs(g.volume() - math.pi)
@@ -305,8 +310,8 @@ def test_faces_by_name() -> None:
         ({"shape": "cylinder", "size": [1, 1], "cells": 3}, "cells = 3: expected at least 4 cells across"),
         ({"h": 0}, "h = 0: expected a positive"),
         ({"h": 1e-300}, "expected at most 100,000,000 cells"),
-        ({"cell": "prism"}, "cell = 'prism': expected \"tetrahedron\" or \"hexahedron\" for a cube"),
-        ({"shape": "square"}, "expected \"triangle\" or \"quadrilateral\" for a square"),
+        ({"cell": "prism"}, 'cell = \'prism\': expected "tetrahedron" or "hexahedron" for a cube'),
+        ({"shape": "square"}, 'expected "triangle" or "quadrilateral" for a square'),
         ({"order": 3}, "order = 3: expected 1"),
         ({"order": True}, "order = True"),
         ({"grade": 0.3}, "grade = 0.3: expected ratios by face"),
@@ -317,7 +322,7 @@ def test_faces_by_name() -> None:
         ({"grade": {"left": 0.5, "right": 0.5}, "cells": 2}, "left and right: expected at least 3 cells"),
         ({"shape": "cylinder", "size": [1, 1], "grade": {"side": 0.5}, "cells": 6}, "at least 7 cells"),
         ({"path": "part.msh"}, "path = 'part.msh': expected shape = \"file\""),
-        ({"refine": 1}, "refine = 1: expected shape = \"file\""),
+        ({"refine": 1}, 'refine = 1: expected shape = "file"'),
         ({"shape": "file"}, "path: expected the path of a .msh file"),
         ({"shape": "file", "path": "a.msh", "grade": {"left": 0.5}}, "grade = .*: expected none"),
         ({"shape": "file", "path": "a.msh", "order": 0}, "order = 0"),
@@ -333,14 +338,17 @@ def test_impossible_arguments(arguments: dict[str, Any], message: str) -> None:
 
 def test_import_is_cheap() -> None:
     """Scenes are checked without the libraries that meshes need."""
-    script = "import sys, geometry; geometry.face_names('cube'); " \
+    script = (
+        "import sys, geometry; geometry.face_names('cube'); "
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'gmsh', 'mpi4py', 'numpy', 'ufl')))"
+    )
     root = Path(__file__).parents[1]
     assert subprocess.run([sys.executable, "-c", script], cwd=root, check=False).returncode == 0
 
 
 def test_failure_on_rank_0_reaches_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever gmsh raises on rank 0 is a GeometryError of one line everywhere, and gmsh is ended."""
+
     def fail(model: Any, plan: Any) -> None:
         raise RuntimeError("Unable to\nrecover an edge")
 
@@ -466,6 +474,7 @@ def test_file_refined(tmp_path: Path) -> None:
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_file_in_2d(tmp_path: Path, cell: str) -> None:
     """In a flat file the named groups of curves are the faces."""
+
     def draw(gmsh: Any) -> None:
         gmsh.model.occ.addRectangle(0, 0, 5, 2, 1)
         gmsh.model.occ.synchronize()
@@ -539,6 +548,7 @@ def test_unusable_mesh(tmp_path: Path, case: str) -> None:
 
 def test_facets_that_fit_no_cell(tmp_path: Path) -> None:
     """Elements between nodes of cells that are no facets of them are refused, not dropped."""
+
     def draw(gmsh: Any) -> None:
         block(gmsh, {"end": [1]})
         corners = [gmsh.model.mesh.getNodes(0, point)[0][0] for point in (1, 2, 3)]

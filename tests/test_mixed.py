@@ -407,6 +407,17 @@ def test_automatic_choice_on_many_cells() -> None:
     assert names == ["Q1", "Q1-P0", "P1", "P1-bubble"]
 
 
+def test_no_choice_where_a_mixed_element_would_be_refused() -> None:
+    for solve in ({"filter": "clamp"}, {"method": "trust-region"}):
+        assert problem("auto", 0.49, PULL, 1, solve=solve).element == "Q2"
+
+
+def test_an_element_is_chosen_unless_one_is_named() -> None:
+    made = scene("Q1-P0", 0.5, PULL).model_dump(exclude_unset=True)
+    del made["solve"]["element"]
+    assert parse(made, Path("test.toml")).element == "Q2-P1d"
+
+
 def test_automatic_choice_is_told(elastune: Callable[..., Any]) -> None:
     settings = ("mesh.cells=1", "solve.steps=1", "material.nu=0.49", "solve.element=auto", "output.picture=false")
     done = elastune("run", "cube-pull", *[word for setting in settings for word in ("--set", setting)])

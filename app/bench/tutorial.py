@@ -24,9 +24,7 @@ from app.scene import Scene, material_energy, mesh_arguments
 from forms.kinematics import GradientMeasures, deformation_gradient
 
 # From dolfinx 0.10 on NonlinearProblem is another class, and what NewtonSolver takes has this name.
-_NonlinearProblem: Any = getattr(
-    dolfinx.fem.petsc, "NewtonSolverNonlinearProblem", dolfinx.fem.petsc.NonlinearProblem
-)
+_NonlinearProblem: Any = getattr(dolfinx.fem.petsc, "NewtonSolverNonlinearProblem", dolfinx.fem.petsc.NonlinearProblem)
 
 
 class TutorialFailure(Exception):

@@ -20,9 +20,7 @@ def symmetric_arap(s: PrincipalStretches, mu: PositiveModulus = 1.0) -> Parts:
 
 
 @material("symmetric-dirichlet", _TABLE, lame=lambda scale: (0, 2 * scale), inverts=False, variant=_VARIANTS)
-def symmetric_dirichlet(
-    s: PrincipalStretches, scale: PositiveModulus = 1.0, *, variant: str = "corrected"
-) -> Parts:
+def symmetric_dirichlet(s: PrincipalStretches, scale: PositiveModulus = 1.0, *, variant: str = "corrected") -> Parts:
     """ψ = c/2 Σ(λᵢ - 1/λᵢ)².
 
     Printed as c/2 (|F|² + |F⁻¹|²), which only moves ψ at rest to 3c.

@@ -30,9 +30,7 @@ def hencky(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0)
 
 
 @material("seth-hill", _TABLE, lame=lambda lam, mu, alpha: (lam, mu), inverts=False)
-def seth_hill(
-    s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Exponent = 0.5
-) -> Parts:
+def seth_hill(s: PrincipalStretches, lam: Modulus = 1.0, mu: PositiveModulus = 1.0, alpha: Exponent = 0.5) -> Parts:
     """ψ = μ/α² Σ(λᵢ^α - 1)² + λ/(2α²) (Σλᵢ^α - 3)².
 
     α = 1 is linear-corotational, 2 st-venant-kirchhoff, and hencky the limit α → 0.

@@ -22,9 +22,7 @@ def valanis_landel(
     return Parts(2 * mu * sum(x * (ln(x) - 1) + constant for x in s.stretches), lam, ln(s.J) ** 2 / 2)
 
 
-@material(
-    "valanis-landel-separable", _TABLE, lame=lambda lam, mu: (lam, mu), inverts=False, f=ENERGIES, h=ENERGIES
-)
+@material("valanis-landel-separable", _TABLE, lame=lambda lam, mu: (lam, mu), inverts=False, f=ENERGIES, h=ENERGIES)
 def valanis_landel_separable(
     s: PrincipalStretches,
     lam: Modulus = 1.0,
