@@ -17,6 +17,10 @@ RETRY = 0.3
 NEARLY = 1e-6
 
 
+# Where steps crawl with forces below this share, a saddle point is what they crawl along.
+CLOSE = 1e-3
+
+
 class Newton:
     """One minimisation: every step goes downhill, and the last ones, with the raw tangent, are quadratic."""
 
@@ -65,6 +69,8 @@ class Newton:
             if merit.error <= solve.tolerance:
                 return merit.values
             if self._filtered > self._patience:
+                if merit.error <= CLOSE and self._on_saddle():
+                    raise NotConverged("saddle", f"near a saddle point, residual {merit.error:.1e}", merit.values)
                 raise NotConverged("crawling", f"{iteration} Newton steps, residual {merit.error:.1e}", merit.values)
             if iteration < solve.max_iterations:
                 self._step()

@@ -20,8 +20,8 @@ forces are a thousand times those at the end, and a wild first step only makes a
 
 A body collapsed onto a line feels no force across it, a saddle that an exact Newton step never leaves (Smith et
 al., Section 3.3: "meta-stable"). So a state in balance is asked for its inertia, and where the tangent has a
-negative eigenvalue a little noise decides which way to go, and the trust region, which follows negative curvature
-by itself, goes there (`Minimizer.minimize`). It also takes over where the line search stalls.
+negative eigenvalue the body goes along its eigenvector as far as the energy falls (`escape`). Where the line
+search stalls, the trust region takes over, which follows negative curvature by itself.
 """
 
 from collections.abc import Iterator

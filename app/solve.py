@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from app.errors import NotConverged
+from app.escape import escape
 from app.newton import Newton
 from app.problem import Array, Problem
 from app.start import uniform
@@ -17,9 +18,9 @@ from app.tangent import Count, Deadline, Tangent, vector
 # lives on are lost in rounding near the minimum, where Newton's method needs no help.
 HANDOVER = 1e-4
 
-# How often the trust region takes over where Newton's method cannot go on, and the noise that moves the body off a
-# saddle point before, relative to its extent.
-ROAMS, NOISE = 3, 1e-4
+# How often Newton's method is led on where it cannot go on, and the noise that moves the body before the trust
+# region takes over, relative to its extent.
+ATTEMPTS, NOISE = 6, 1e-4
 
 # Filtered steps in a row after which steps that know negative curvature do better.
 PATIENCE = 12
@@ -181,7 +182,7 @@ class Minimizer:
         if problem.scene.solve.method == "trust-region":
             values = self.roam(values, until)
         can_roam = problem.potential.loads.conservative and problem.potential.can_filter
-        for seed in range(ROAMS if can_roam else 0):
+        for seed in range(ATTEMPTS if can_roam else 0):
             try:
                 # A prediction may well be in balance: at rest, without loads.
                 self._watchful, self._patience = True, patience
@@ -189,11 +190,19 @@ class Minimizer:
             except NotConverged as failure:
                 if failure.kind not in ("saddle", "crawling", "stalled", "indefinite"):
                     raise
-                noise = NOISE * problem.extent * (2 * uniform(problem, seed) - 1)
-                shaken = failure.values + problem.joined(noise.ravel())
-                values = self.roam(np.where(problem.held, values, shaken), until)
+                values = self._led_on(failure, values, seed)
         self._watchful, self._patience = False, np.inf
         return self._solve(self.snes, values, until)
+
+    def _led_on(self, failure: NotConverged, values: Array, seed: int) -> Array:
+        """Where to start again from, after Newton's method has set out from `values` and failed."""
+        problem = self.problem
+        lower = escape(self.tangent, failure.values) if failure.kind == "saddle" else None
+        if lower is not None:
+            return lower
+        noise = NOISE * problem.extent * (2 * uniform(problem, seed) - 1)
+        shaken = failure.values + problem.joined(noise.ravel())
+        return self.roam(np.where(problem.held, values, shaken), self._until)
 
     def roam(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
         """Goes by the trust region to where Newton's method can take over, or as far as it gets.

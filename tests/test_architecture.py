@@ -12,10 +12,10 @@ FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 # Within app, from the ground up: a file imports only files of lower rank.
 RANKS = [
     {"errors", "results"},
-    {"scene", "catalogue", "xdmf", "fields", "plots", "compat"},
+    {"scene", "catalogue", "xdmf", "fields", "plots"},
     {"problem", "output", "study", "orders", "bench"},
     {"merit", "tangent", "measures", "predict", "start", "diagnose", "independent", "exact", "cases"},
-    {"newton", "records", "blocks"},
+    {"newton", "records", "blocks", "escape"},
     {"solve", "comparison"},
     {"saddle", "recover"},
     {"stepping"},

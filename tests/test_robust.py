@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.linalg import eigvalsh
+from scipy.sparse import csr_matrix
 
 from app.diagnose import diagnose
 from app.independent import out_of_balance
@@ -16,6 +19,7 @@ from app.problem import Problem
 from app.scene import load
 from app.start import started
 from app.stepping import LoadFailure, State, follow
+from app.tangent import Tangent
 
 HEX, TET = ["mesh.cell=hexahedron", "solve.element=Q1"], ["mesh.cell=tetrahedron", "solve.element=P1"]
 HEX2, TET2 = ["mesh.cell=hexahedron", "solve.element=Q2"], ["mesh.cell=tetrahedron", "solve.element=P2"]
@@ -133,6 +137,55 @@ def test_collapsed_cube_comes_home(cell: list[str], shape: str, material: str) -
 def test_collapsed_cube_on_a_wall_comes_home(shape: str) -> None:
     settings = ["start.pins=[]", "boundary.left={fix=true}", f"start.shape={shape}", "mesh.cells=5"]
     assert steps_home("collapse", *settings) <= 120
+
+
+# ---------------------------------------------------------------------- buckling
+
+# Clamped at both ends and eight times as high as wide: it buckles at a strain of about 4 pi^2/12 / 8^2 = 5 %.
+COLUMN = [
+    "mesh.shape=box", "mesh.size=[1.0, 0.8, 8.0]", "mesh.cells=[2, 2, 8]", "solve.element=Q2", "solve.steps=1",
+    "material.nu=0.3", "boundary.top={move=[0.0, 0.0, -1.2]}", "output.picture=false",
+]  # fmt: skip
+
+
+def least_eigenvalue(problem: Problem) -> float:
+    """Of the tangent at the problem's state, between the free displacements."""
+    tangent = Tangent(problem, PETSc.KSP().create(problem.comm))
+    tangent.assemble("none")
+    rows, columns, entries = tangent.matrix.getValuesCSR()
+    free = ~problem.held
+    return float(eigvalsh(csr_matrix((entries, columns, rows)).toarray()[free][:, free], subset_by_index=[0, 0])[0])
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_column_buckles(linear: str) -> None:
+    """The straight column is in balance, but no minimum."""
+    problem, states = solve("squeeze", *COLUMN, f"solve.linear={linear}")
+    assert states[-1].load == 1.0
+    assert least_eigenvalue(problem) > 0
+    sideways = np.abs(problem.state.reshape(-1, 3)[:, :2]).max()
+    assert sideways > 1
+    straight = problem.state.copy()
+    straight.reshape(-1, 3)[:] = 0
+    straight[2::3] = -0.15 * problem.V.tabulate_dof_coordinates()[:, 2]
+    assert problem.energy_at(problem.state) < 0.5 * problem.energy_at(straight)
+
+
+def test_column_buckles_on_any_number_of_ranks(solved: Callable[..., Any]) -> None:
+    one, two = (solved("squeeze", *COLUMN, ranks=ranks)["steps"][-1] for ranks in (1, 2))
+    assert one["energy"] == pytest.approx(two["energy"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("material", "nu"),
+    [("fixed-corotational", 0.499), ("valanis-landel", 0.49), ("neo-hookean", 0.49), ("symmetric-seth-hill", 0.45)],
+)
+def test_squeezed_cube_buckles(material: str, nu: float) -> None:
+    """Its sides fold at some load; filtered steps then crawl along the saddle point that the unfolded shape is."""
+    settings = ["mesh.cells=4", "solve.smallest_step=0.01", f"material.name={material}", f"material.nu={nu}"]
+    problem, states = solve("squeeze", *settings)
+    assert states[-1].load == 1.0
+    assert least_eigenvalue(problem) > 0
 
 
 # ---------------------------------------------------------------------- the stretched cylinder

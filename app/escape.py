@@ -1,0 +1,94 @@
+"""Off a saddle point: along the direction in which Π curves downwards most."""
+
+from collections.abc import Callable
+
+import numpy as np
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from app.problem import Array, Problem
+from app.start import uniform
+from app.tangent import Tangent, vector
+
+# The first length to try, relative to the body's extent, and the least.
+FIRST, LEAST = 0.1, 1e-6
+
+
+def escape(tangent: Tangent, values: Array) -> Array | None:
+    """A state of lower energy along a direction of negative curvature; None if there is neither.
+
+    The length is the longest of a sequence of powers of two up to which Π keeps falling: to a quadratic model such
+    a direction has no end.
+
+    Args:
+        tangent: The problem's.
+        values: A state nearly in balance.
+    """
+    problem = tangent.problem
+    problem.set_state(values)
+    direction = _most_negative(tangent)
+    if direction is None:
+        return None
+    problem.set_state(values)
+    gradient = problem.force_at(values, [*problem.potential.internal, *problem.potential.external])
+    if problem.dot(np.where(problem.held, 0.0, gradient), direction) > 0:
+        direction = -direction
+
+    def energy(length: float) -> float:
+        return problem.energy_at(values + length * direction)
+
+    length = _lowering(energy, FIRST * problem.extent, LEAST * problem.extent)
+    return None if length is None else values + length * direction
+
+
+def _lowering(energy: Callable[[float], float], first: float, least: float) -> float | None:
+    """Halves a length until the energy is lower than at zero, and on while that lowers it further."""
+    length, lowest = first, energy(0.0)
+    lowest -= 1e-14 * abs(lowest)
+    found = None
+    while length > least:
+        value = energy(length)
+        if value < lowest:
+            found, lowest = length, value
+        elif found is not None:
+            break
+        length /= 2
+    return found
+
+
+def _most_negative(tangent: Tangent) -> Array | None:
+    """Eigenvector of the least eigenvalue of the raw tangent, its largest entry one; None if none is negative.
+
+    By locally optimal preconditioned conjugate gradients (Knyazev 2001, SIAM J. Sci. Comput. 23:517), the
+    preconditioner being the solver of the filtered tangent.
+    """
+    problem = tangent.problem
+    preconditioner = tangent.create_matrix()
+    tangent.assemble("shifted", preconditioner)
+    tangent.assemble("none")
+    eps = SLEPc.EPS().create(problem.comm)
+    eps.setOperators(tangent.matrix)
+    eps.setProblemType(SLEPc.EPS.ProblemType.HEP)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
+    eps.setType(SLEPc.EPS.Type.GD)
+    eps.setDimensions(1)
+    eps.setTolerances(1e-2, 100)
+    st = eps.getST()
+    st.setType(SLEPc.ST.Type.PRECOND)
+    st.setPreconditionerMat(preconditioner)
+    pc = st.getKSP().getPC()
+    pc.setType("cholesky" if tangent.direct else "gamg")
+    if tangent.direct:
+        pc.setFactorSolverType("mumps")
+    start = vector(problem)
+    start.array[:] = np.where(problem.held, 0.0, problem.joined((2 * uniform(problem, 0) - 1).ravel()))[: problem.owned]
+    eps.setInitialSpace(start)
+    eps.solve()
+    if eps.getConverged() < 1 or eps.getEigenvalue(0).real >= 0:
+        return None
+    found = vector(problem)
+    eps.getEigenvector(0, found)
+    direction = np.zeros_like(problem.u.x.array)
+    direction[: problem.owned] = found.array_r / found.norm(PETSc.NormType.INFINITY)
+    direction[problem.held] = 0.0
+    return direction
