@@ -4,21 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 from petsc4py import PETSc
-from slepc4py import SLEPc
 
-from app.problem import Array, Problem
+from app.problem import Array
 from app.start import uniform
 from app.tangent import Tangent, vector
 
-# The first length to try, relative to the body's extent, and the least.
+# The longest way to try, relative to the body's extent, and the shortest.
 FIRST, LEAST = 0.1, 1e-6
 
 
 def escape(tangent: Tangent, values: Array) -> Array | None:
-    """A state of lower energy along a direction of negative curvature; None if there is neither.
+    """A state of lower energy along a direction of negative curvature, or None if none was found.
 
-    The length is the longest of a sequence of powers of two up to which Π keeps falling: to a quadratic model such
-    a direction has no end.
+    To a quadratic model such a direction has no end: lengths are halved from a tenth of the body down, as long as Π
+    falls. A little noise and a trust region, the simpler way, fall back onto the saddle point where Π is flat.
 
     Args:
         tangent: The problem's.
@@ -42,7 +41,7 @@ def escape(tangent: Tangent, values: Array) -> Array | None:
 
 
 def _lowering(energy: Callable[[float], float], first: float, least: float) -> float | None:
-    """Halves a length until the energy is lower than at zero, and on while that lowers it further."""
+    """Halves a length until the energy is lower than at zero, and on while that lowers it further; or None."""
     length, lowest = first, energy(0.0)
     lowest -= 1e-14 * abs(lowest)
     found = None
@@ -59,9 +58,12 @@ def _lowering(energy: Callable[[float], float], first: float, least: float) -> f
 def _most_negative(tangent: Tangent) -> Array | None:
     """Eigenvector of the least eigenvalue of the raw tangent, its largest entry one; None if none is negative.
 
-    By locally optimal preconditioned conjugate gradients (Knyazev 2001, SIAM J. Sci. Comput. 23:517), the
-    preconditioner being the solver of the filtered tangent.
+    By the generalised Davidson method (Morgan & Scott 1986, SIAM J. Sci. Stat. Comput. 7:817), preconditioned by
+    the filtered tangent. Two digits are plenty for a direction.
     """
+    # Few scenes come here, and SLEPc takes time to load.
+    from slepc4py import SLEPc
+
     problem = tangent.problem
     preconditioner = tangent.create_matrix()
     tangent.assemble("shifted", preconditioner)

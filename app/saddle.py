@@ -14,6 +14,9 @@ from app.problem import Array, Problem
 from app.tangent import Count, Deadline
 from forms.mixed import MixedPotential
 
+# A step that is shorter than this, of a whole one, comes from a tangent that says nothing about where it leads.
+SHORTEST = 1e-3
+
 
 class SaddlePoint:
     """Finds the equilibrium of least energy under prescribed displacements and the pressure's constraint.
@@ -178,9 +181,9 @@ class SaddlePoint:
 
 
 def _backtrack(merit: Callable[[float], float], start: float, slope: float, rounding: float) -> float | None:
-    """The first of 1 and shorter lengths that lowers a merit by Armijo's rule, or None."""
+    """The first of 1 and shorter lengths, but not too short ones, that lowers a merit by Armijo's rule, or None."""
     length = 1.0
-    for _ in range(30):
+    while length > SHORTEST:
         value = merit(length)
         if not np.isfinite(value):
             length *= 0.5
