@@ -207,12 +207,25 @@ def _converge(options: Any, petsc: list[str]) -> int:
     return OK
 
 
+def _make(folder: Path) -> None:
+    """A folder for results."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from None
+    if not os.access(folder, os.W_OK):
+        raise UserError(f"--out {folder}: cannot be written: Permission denied")
+
+
 def _keep_signals() -> None:
     """Before PETSc starts: a closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report."""
     os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler"
 
 
 def _stress(options: Any, petsc: list[str]) -> int:
+    if not 0 < options.limit < float("inf"):
+        raise UserError(f"--limit {options.limit:g}: expected a number of seconds greater than 0")
+    _make(options.out)
     _keep_signals()
     from mpi4py import MPI
 
@@ -242,12 +255,7 @@ def _bench(options: Any, petsc: list[str]) -> int:
         raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
     if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
         raise UserError("elastune bench: expected one process")
-    try:
-        options.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {options.out}: cannot be written: {error.strerror}") from None
-    if not os.access(options.out, os.W_OK):
-        raise UserError(f"--out {options.out}: cannot be written: Permission denied")
+    _make(options.out)
     _BENCHES[options.name](options)
     return OK
 

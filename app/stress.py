@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from app.diagnose import diagnose
-from app.errors import SceneError
+from app.errors import SceneError, UserError
 from app.independent import out_of_balance
 from app.measures import Measures
 from app.problem import Array, Problem
@@ -92,7 +92,7 @@ def stress(
     """Solves what `folder/stress.csv` does not hold yet; each rank takes cases of its own.
 
     Args:
-        folder: Of the table; made if needed.
+        folder: Of the table.
         comm: Its ranks share the cases.
         limit: Seconds a case may take.
         tell: Told each new row, on the rank that has it.
@@ -100,10 +100,14 @@ def stress(
 
     Returns:
         The whole table, on every rank.
+
+    Raises:
+        UserError: If the table cannot be read.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     table = folder / "stress.csv"
-    done = {row.key for row in comm.bcast(read(table) if comm.rank == 0 else None)}
+    done = {row.key for row in read(table)}
+    # Nobody writes before all have read.
+    comm.barrier()
     todo = [row for row in cases() if row.key not in done and (wanted is None or wanted(row))]
     for row in todo[comm.rank :: comm.size]:
         solve(row, limit)
@@ -180,11 +184,18 @@ def _explained(problem: Problem, values: Array | None, kind: str, told: str) -> 
 
 
 def read(table: Path) -> list[Row]:
-    """The rows of a table, none if there is no file."""
+    """The rows of a table, none if there is no file.
+
+    Raises:
+        UserError: If it is another table, or cannot be read.
+    """
     if not table.is_file():
         return []
-    with table.open(newline="") as file:
-        return [Row(**_typed(entry)) for entry in csv.DictReader(file)]
+    try:
+        with table.open(newline="", encoding="utf-8") as file:
+            return [Row(**_typed(entry)) for entry in csv.DictReader(file)]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{table}: expected a table of outcomes, or no file; {error!r}") from None
 
 
 def _typed(entry: dict[str, str]) -> dict[str, Any]:

@@ -121,6 +121,14 @@ def test_petsc_options_reach_snes(elastune: Run, tmp_path: Path) -> None:
         (["materials", "--nu", "0.5"], "0.5"),
         (["materials", "--E", "soft"], "soft"),
         (["scenes", "--", "-snes_monitor"], "PETSc"),
+        (["bench"], "name"),
+        (["bench", "twist", "--quick"], "--quick"),
+        (["bench", "stretch", "--out", "/proc/none"], "/proc/none"),
+        (["stress", "--material", "steel"], "steel"),
+        (["stress", "--limit", "-1"], "-1"),
+        (["stress", "--limit", "long"], "long"),
+        (["stress", "--out", "/proc/none"], "/proc/none"),
+        (["converge", "cube-pull", "--out", "/proc/none"], "/proc/none"),
     ],
 )
 def test_bad_command_line(words: list[str], said: str, elastune: Run) -> None:
