@@ -20,9 +20,10 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from app.errors import UserError
+from app.load import parse
 from app.measures import Measures
 from app.problem import Problem
-from app.scene import Scene, parse
+from app.scene import Scene
 from app.stepping import LoadFailure, follow
 from app.study import Quantity
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from app.errors import UserError
-from app.scene import Scene, parse
+from app.load import parse
+from app.scene import Scene
 from app.study import Settings, Study, StudyError, flatten
 
 # The keys of a scene that make one body finer: along them runs a curve, all others tell curves apart.

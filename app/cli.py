@@ -148,7 +148,7 @@ def _wait_for_others() -> None:
 
 
 def _run(options: Any, petsc: list[str]) -> int:
-    from app.scene import load
+    from app.load import load
 
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
@@ -164,7 +164,7 @@ def _run(options: Any, petsc: list[str]) -> int:
 
 
 def _scenes(options: Any, petsc: list[str]) -> int:
-    from app.scene import load, shipped
+    from app.load import load, shipped
 
     for name in shipped():
         scene = load(name)
@@ -292,7 +292,8 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     """The keys of a scene's material table that `tuned_energy` takes beside name, E and nu."""
     if not overrides:
         return {}
-    from app.scene import Material, override
+    from app.load import override
+    from app.scene import Material
 
     table: dict[str, Any] = {}
     for assignment in overrides:

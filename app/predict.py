@@ -8,7 +8,8 @@ import ufl
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from app.problem import Array, Problem, rotated
+from app.constraints import rotated
+from app.problem import Array, Problem
 
 
 class Blend:

@@ -9,8 +9,9 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 import geometry
+from app.constraints import Constraints
 from app.errors import SceneError
-from app.scene import Condition, Rotation, Scene, material_energy, mesh_arguments
+from app.scene import Scene, material_energy, mesh_arguments
 from forms.elements import ELEMENTS, Choice
 from forms.mixed import MixedPotential
 from forms.normalize import linearize
@@ -40,6 +41,7 @@ class Problem:
         split: The energy as a mixed element sees it, or None.
         held: Mask of the prescribed degrees of freedom, a vector.
         conditions: dolfinx's view of them, for assembly.
+        faces: Nodes of the faces where displacements are prescribed, owned and ghost.
         potential: Π and its forms.
     """
 
@@ -67,8 +69,9 @@ class Problem:
         if element.pressure is not None:
             self.p = fem.Function(pressure_space(mesh, element.pressure), name="pressure")
             self.split = split(self.energy)
-        self._motion = fem.Function(self.V)
-        self._prescribe()
+        self._constraints = Constraints(scene, self.geometry, self.V)
+        self.conditions, self.faces = self._constraints.conditions, self._constraints.faces
+        self.held = self.joined(self._constraints.held)
         self.potential = self._potential()
 
     def _potential(self) -> Potential:
@@ -167,79 +170,16 @@ class Problem:
 
     # ------------------------------------------------------------------ prescribed displacements
 
-    def _face_blocks(self, face: str) -> NDArray[np.int32]:
-        """Nodes of a face on this rank, owned and ghost."""
-        dimension = self.geometry.mesh.topology.dim - 1
-        return fem.locate_dofs_topological(self.V, dimension, self.geometry.facets(face))
-
-    def _prescribe(self) -> None:
-        d = self.dimension
-        nodes = self.V.dofmap.index_map.size_local + self.V.dofmap.index_map.num_ghosts
-        held = np.zeros(nodes * d, dtype=bool)
-        self.conditions: list[Any] = []
-        self.faces: dict[str, NDArray[np.int32]] = {}
-        for face, condition in self._by_precedence():
-            blocks = self._face_blocks(face)
-            self.faces[face] = blocks
-            if condition.kind == "roller":
-                for axis in condition.roller or ():
-                    i = "xyz".index(axis)
-                    dofs = self._component_dofs(face, i)
-                    self.conditions.append(fem.dirichletbc(np.float64(0.0), dofs, self.V.sub(i)))
-                    held[blocks * d + i] = True
-            else:
-                self.conditions.append(fem.dirichletbc(self._motion, blocks))
-                held[(blocks[:, None] * d + np.arange(d)).ravel()] = True
-        pins = self._pinned()
-        if self.comm.allreduce(len(pins)):
-            self.conditions.append(fem.dirichletbc(self._motion, pins))
-            held[(pins[:, None] * d + np.arange(d)).ravel()] = True
-        self.held = self.joined(held)
-
-    def _pinned(self) -> NDArray[np.int32]:
-        """Nodes on this rank, owned and ghost, at the points that the start pins."""
-        points = self.V.tabulate_dof_coordinates()[:, : self.dimension]
-        near = 1e-6 * self.extent
-        found: list[NDArray[np.int32]] = [np.empty(0, dtype=np.int32)]
-        for pin in self.scene.start.pins if self.scene.start is not None else []:
-            nodes = np.flatnonzero(np.linalg.norm(points - np.array(pin), axis=1) < near)
-            if not self.comm.allreduce(len(nodes)):
-                raise SceneError(f"start.pins: {pin} is no node of the mesh")
-            found.append(nodes.astype(np.int32))
-        return np.concatenate(found)
-
-    def _component_dofs(self, face: str, i: int) -> NDArray[np.int32]:
-        """Unrolled indices of one displacement component on a face."""
-        dimension = self.geometry.mesh.topology.dim - 1
-        return fem.locate_dofs_topological(self.V.sub(i), dimension, self.geometry.facets(face))
-
-    def _by_precedence(self) -> list[tuple[str, Condition]]:
-        """Conditions that hold, weakest first: at a shared edge a clamp wins over a motion over a roller."""
-        rank = ("roller", "rotate", "move", "fix")
-        holding = [(face, c) for face, c in self.scene.boundary.items() if c.holds]
-        return sorted(holding, key=lambda item: rank.index(item[1].kind))
-
     def prescribed(self, load: float) -> Array:
         """Displacements at a load factor: right where `held`, zero elsewhere."""
-        d = self.dimension
-        values = np.zeros_like(self.u.x.array)
-        points = self.V.tabulate_dof_coordinates()
-        for face, condition in self._by_precedence():
-            blocks = self.faces[face]
-            if condition.kind == "roller":
-                for axis in condition.roller or ():
-                    values[blocks * d + "xyz".index(axis)] = 0.0
-                continue
-            motion = prescribed_motion(condition, points[blocks], load)
-            values[(blocks[:, None] * d + np.arange(d)).ravel()] = motion[:, :d].ravel()
-        return self.joined(values)
+        return self.joined(self._constraints.displacements(load))
 
     def lift(self, increment: Array) -> Array:
         """Forces -K Δg of an increment of the prescribed displacements at the current state.
 
         Zero at the prescribed degrees of freedom.
         """
-        self._motion.x.array[:] = self.displacements(increment)
+        self._constraints.motion.x.array[:] = self.displacements(increment)
         forces = self._lifted(self.V, self.potential.tangent)
         if not isinstance(self.potential, MixedPotential) or self.p is None:
             lifted = forces
@@ -350,24 +290,3 @@ def _element(scene: Scene, cell: str, cells: int) -> Choice:
         lives = " or ".join(ELEMENTS[name].cells)
         raise SceneError(f'solve.element = "{name}": lives on {lives}, got a mesh of {cell} cells')
     return Choice(name, "")
-
-
-def prescribed_motion(condition: Condition, points: Array, load: float) -> Array:
-    """Displacements of points, shape (n, 3), under a condition at a load factor."""
-    motion = np.zeros_like(points)
-    if condition.move is not None:
-        motion[:, : len(condition.move)] = load * np.array(condition.move)
-    elif condition.rotate is not None:
-        angle = np.deg2rad(load * condition.rotate.angle)
-        motion = rotated(condition.rotate, points, np.full(len(points), angle))
-    return motion
-
-
-def rotated(rotation: Rotation, points: Array, angles: Array) -> Array:
-    """Displacements of points, shape (n, 3), that turn by angles in radians, shape (n,)."""
-    axis = np.array(rotation.axis) / np.linalg.norm(rotation.axis)
-    arm = points - np.pad(rotation.center, (0, 3 - len(rotation.center)))
-    # Rodrigues' formula, with 1 - cos as 2 sin² to keep small rotations exact.
-    turned = np.cross(axis, arm)
-    again = np.cross(axis, turned)
-    return np.sin(angles)[:, None] * turned + 2 * np.sin(angles / 2)[:, None] ** 2 * again

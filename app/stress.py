@@ -15,9 +15,10 @@ from mpi4py import MPI
 from app.diagnose import diagnose
 from app.errors import SceneError, UserError
 from app.independent import out_of_balance
+from app.load import load
 from app.measures import Measures
 from app.problem import Array, Problem
-from app.scene import Scene, load
+from app.scene import Scene
 from app.stepping import LoadFailure, follow
 from forms.energy import CATALOGUE
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from app.errors import UserError
-from app.scene import load
+from app.load import load
 
 # Relative errors of a case with an exact solution: displacement, its gradient, first Piola-Kirchhoff stress,
 # and of mixed elements the pressure, all in L².

@@ -13,7 +13,9 @@ FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 RANKS = [
     {"errors", "results"},
     {"scene", "catalogue", "xdmf", "fields", "plots"},
-    {"problem", "output", "study", "orders", "bench"},
+    {"check", "constraints", "output"},
+    {"load", "problem"},
+    {"study", "orders", "bench"},
     {"merit", "tangent", "measures", "predict", "start", "diagnose", "independent", "exact", "cases"},
     {"newton", "records", "blocks", "escape"},
     {"solve", "comparison"},

@@ -13,9 +13,10 @@ from mpi4py import MPI
 from app.blocks import Blocks, Convexity
 from app.errors import SceneError
 from app.fields import Fields
+from app.load import parse
 from app.measures import Measures
 from app.problem import Problem
-from app.scene import Scene, parse
+from app.scene import Scene
 from app.stepping import LoadFailure, follow
 from forms.elements import ELEMENTS, Element, Pressure, choose
 from forms.energy import CATALOGUE, MaterialError

@@ -22,6 +22,7 @@ from app import plots
 from app import scene as scenes
 from app.errors import SceneError, UserError
 from app.fields import CELL_FIELDS, Fields
+from app.load import parse
 from app.output import Output
 from app.results import Failure, Step, Summary
 from app.xdmf import FieldFile, WholeMesh, replace_text
@@ -343,7 +344,7 @@ def _scene(fields: tuple[str, ...] = ("displacement", "von_mises"), picture: boo
         "boundary": {"left": {"fix": True}, **boundary},
         "output": {"fields": list(fields), "picture": picture},
     }
-    return scenes.parse(data, Path("pulled.toml"))
+    return parse(data, Path("pulled.toml"))
 
 
 def _step(load: float) -> Step:

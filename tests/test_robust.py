@@ -14,9 +14,9 @@ from scipy.sparse import csr_matrix
 
 from app.diagnose import diagnose
 from app.independent import out_of_balance
+from app.load import load
 from app.measures import Measures
 from app.problem import Problem
-from app.scene import load
 from app.start import started
 from app.stepping import LoadFailure, State, follow
 from app.tangent import Tangent

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from app.scene import shipped
+from app.load import shipped
 from forms.energy import CATALOGUE
 
 ROOT = Path(__file__).parents[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.errors import SceneError
-from app.scene import SHIPPED, load, shipped
+from app.load import SHIPPED, load, shipped
 
 GOOD = """
 [mesh]

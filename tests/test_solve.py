@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 
+from app.load import parse
 from app.measures import Measures
 from app.problem import Problem
-from app.scene import parse
 from app.solve import Minimizer
 from app.stepping import LoadFailure, State, follow
 from forms.energy import CATALOGUE
@@ -39,7 +40,8 @@ def final(problem: Problem) -> State:
 
 def mean(problem: Problem, face: str) -> np.ndarray:
     """Mean displacement of the nodes of a face, on one rank."""
-    nodes = problem._face_blocks(face)
+    facets = problem.geometry.facets(face)
+    nodes = fem.locate_dofs_topological(problem.V, problem.geometry.mesh.topology.dim - 1, facets)
     return problem.u.x.array.reshape(-1, problem.dimension)[nodes].mean(axis=0)
 
 

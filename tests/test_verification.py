@@ -11,10 +11,11 @@ from mpi4py import MPI
 from scipy.integrate import quad, solve_bvp
 
 from app.exact import Manufactured, Waves, body_force, response
+from app.load import parse
 from app.measures import Measures
 from app.orders import fitted_order
 from app.problem import Problem
-from app.scene import Scene, parse
+from app.scene import Scene
 from app.stepping import follow
 from forms.elements import ELEMENTS
 from forms.energy import CATALOGUE

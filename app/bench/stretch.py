@@ -6,9 +6,9 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+from app.load import load
 from app.measures import Measures
 from app.problem import Problem
-from app.scene import load
 from app.stepping import LoadFailure, follow
 
 # "Filtered" neo-Hookean is continued below the stretch that Smith et al. name. The corotational body collapses

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 import geometry
+from app.constraints import prescribed_motion
 from app.errors import SceneError
-from app.problem import prescribed_motion
 from app.scene import Scene, material_energy, mesh_arguments
 from forms.kinematics import GradientMeasures, deformation_gradient
 

@@ -8,8 +8,9 @@ from typing import Any
 from mpi4py import MPI
 
 from app.bench import tutorial
+from app.load import load
 from app.problem import Problem
-from app.scene import Scene, load
+from app.scene import Scene
 from app.stepping import follow
 
 # Fewer equal steps make the tutorial's solver fail.
