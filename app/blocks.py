@@ -129,7 +129,11 @@ class Blocks:
         self._ksp.solve(b, y)
         self.count.linear += max(self._ksp.getIterationNumber(), 1)
         pc = self._ksp.getPC()
-        if self._ksp.getConvergedReason() < 0:
+        reason = self._ksp.getConvergedReason()
+        if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+            # A factorisation that met a singular matrix would stay failed.
+            pc.reset()
+        if reason < 0:
             return None
         counted = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
         if counted and pc.getFactorMatrix().getMumpsInfog(12) != self._pressures:
