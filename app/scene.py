@@ -212,7 +212,10 @@ def unmixed_keys(scene: Scene) -> tuple[tuple[str, Any, Any], ...]:
 
 def _near_incompressible(scene: Scene) -> bool:
     """Whether "auto" is to take a mixed element: never where one would be refused."""
+    nu = scene.material.nu
     if scene.start is not None or any(value != only for _, value, only in unmixed_keys(scene)):
+        return False
+    if nu is not None and nu < MIXED_FROM:
         return False
     try:
         energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=True)
