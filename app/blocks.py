@@ -30,6 +30,7 @@ class Blocks:
 
     Attributes:
         count: What has been spent.
+        fresh: As of `Tangent`.
         direct: Whether it is factorised.
         matrix: As it is solved, once assembled.
         volumes: Diagonal of the pressures' mass matrix, owned.
@@ -41,7 +42,7 @@ class Blocks:
     def __init__(self, problem: Problem, forms: MixedPotential) -> None:
         """Creates the matrices and the linear solver."""
         self.problem, self.potential = problem, forms
-        self.count = Count()
+        self.count, self.fresh = Count(), False
         create = dolfinx.fem.petsc.create_matrix
         self._blocks = [
             (create(forms.tangent[0]), forms.tangent),
@@ -96,6 +97,7 @@ class Blocks:
     def assemble(self, convexity: Convexity) -> None:
         """Assembles the tangent at the current state, rows and columns of prescribed displacements aside."""
         problem, forms = self.problem, self.potential
+        self.fresh = False
         forms.set_filter(convexity.filter)
         forms.share.value = convexity.share
         stretching = [forms.stretching] if convexity.share > 0 else []

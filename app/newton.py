@@ -46,6 +46,8 @@ class Newton:
         self._doubtful = watchful
         self._watchful = watchful
         self._patience, self._filtered = patience, 0
+        # Whether the tangent that was assembled last is unfiltered.
+        self._raw = False
 
     def run(self, monitor: Callable[[int, float], None], until: Callable[[], bool] | None = None) -> Array:
         """Steps until the forces balance.
@@ -67,6 +69,7 @@ class Newton:
             if self._doubtful and merit.error <= max(NEARLY, solve.tolerance) and self._on_saddle():
                 raise NotConverged("saddle", f"a saddle point, residual {merit.error:.1e}", merit.values)
             if merit.error <= solve.tolerance:
+                self._tangent.fresh = self._raw
                 return merit.values
             if self._filtered > self._patience:
                 if merit.error <= CLOSE and self._on_saddle():
@@ -84,7 +87,7 @@ class Newton:
         rhs = np.where(problem.held, 0.0, np.random.default_rng(0).standard_normal(len(problem.held)))
         if self._tangent.linear_solve(rhs, 1e-3) is None:
             return True
-        self._doubtful, self._failed_at = False, None
+        self._doubtful, self._failed_at, self._raw = False, None, True
         return False
 
     def _step(self) -> None:
@@ -100,8 +103,9 @@ class Newton:
             if step is not None:
                 step[self._problem.held] = 0.0
                 if merit.descends(step) and merit.search(step, name != "none") is not None:
-                    self._doubtful = self._watchful and name != "none"
-                    self._filtered = self._filtered + 1 if name != "none" else 0
+                    self._raw = name == "none"
+                    self._doubtful = self._watchful and not self._raw
+                    self._filtered = 0 if self._raw else self._filtered + 1
                     return
             if name == "none":
                 self._failed_at = norm

@@ -67,7 +67,8 @@ class SaddlePoint:
         residual = problem.residual_at(values)
         residual[problem.held] = 0.0
         for convexity in self._ladder:
-            self.tangent.assemble(convexity)
+            if not self.tangent.fresh or convexity is not self._ladder[0]:
+                self.tangent.assemble(convexity)
             step = self.tangent.solve(problem.lift(increment) - residual, 1e-4)
             if step is not None:
                 guess = values + increment + step
@@ -99,6 +100,7 @@ class SaddlePoint:
             if not np.isfinite(error):
                 raise NotConverged("undefined", "the forces are not finite at the start of the step", values)
             if error <= solve.tolerance:
+                self.tangent.fresh = rung == -1
                 return values
             if iteration == solve.max_iterations:
                 raise NotConverged("iterations", f"{iteration} Newton steps, residual {error:.1e}", values)

@@ -156,8 +156,10 @@ class Minimizer:
         residual = problem.residual_at(values)
         residual[problem.held] = 0.0
         # The lift is the kernel's tangent too: unfiltered first.
+        problem.potential.set_filter("none")
         rhs = problem.lift(increment) - residual
-        self.tangent.assemble("none")
+        if not self.tangent.fresh:
+            self.tangent.assemble("none")
         step = self.tangent.linear_solve(rhs, 1e-6)
         if step is None and problem.potential.can_filter:
             self.tangent.assemble("clamp")

@@ -58,11 +58,13 @@ class Tangent:
         direct: Whether it factorises.
         matrix: What it solves with.
         count: What was spent.
+        fresh: Whether `matrix` is the unfiltered tangent of a state near the balance that was found last: good
+            enough to predict from, and factorised already.
     """
 
     def __init__(self, problem: Problem, ksp: PETSc.KSP) -> None:
         """Creates the matrix and configures the solver."""
-        self.problem, self.ksp, self.count = problem, ksp, Count()
+        self.problem, self.ksp, self.count, self.fresh = problem, ksp, Count(), False
         linear = problem.scene.solve.linear
         self.direct = linear == "direct" or (linear == "auto" and problem.size <= DIRECT_LIMIT)
         self.matrix = self.create_matrix()
@@ -95,6 +97,7 @@ class Tangent:
             into: The matrix; by default the one that `linear_solve` reads.
         """
         problem, matrix = self.problem, self.matrix if into is None else into
+        self.fresh = self.fresh and into is not None
         problem.potential.set_filter("clamp" if filtering == "shifted" else filtering)
         matrix.zeroEntries()
         for form in problem.potential.tangent:
