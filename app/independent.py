@@ -7,7 +7,8 @@ from dolfinx import la
 
 from app.problem import Array, Problem
 from forms.energy import Energy
-from forms.kinematics import GradientMeasures, PrincipalStretches, as_numpy, deformation_gradient
+from forms.evaluation import as_numpy
+from forms.kinematics import GradientMeasures, PrincipalStretches, deformation_gradient
 from forms.potential import Loads, Potential
 
 

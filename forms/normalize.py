@@ -13,7 +13,8 @@ import ufl
 from numpy.typing import NDArray
 
 from forms.energy import Energy, Material, MaterialError, as_number
-from forms.kinematics import PrincipalStretches, as_numpy, evaluate
+from forms.evaluation import as_numpy, evaluate
+from forms.kinematics import PrincipalStretches
 
 __all__ = ["Linearization", "calibrate", "check_rest", "evaluate", "lame_pair", "linearize"]
 

@@ -8,7 +8,8 @@ import ufl
 from numpy.typing import ArrayLike, NDArray
 
 from forms.energy import Energy
-from forms.kinematics import PrincipalStretches, as_numpy
+from forms.evaluation import as_numpy
+from forms.kinematics import PrincipalStretches
 
 # Largest and smallest step in the logarithm of the axial stretch, and how far the sides may move in one:
 # farther away, even after the smallest step, is another branch of equilibria, to which a bar would jump.

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ufl.corealg.traversal import unique_pre_traversal
 
 from forms.energy import Energy, MaterialError, Parts
-from forms.kinematics import PrincipalStretches, Scalar, as_numpy
+from forms.evaluation import as_numpy
+from forms.kinematics import PrincipalStretches, Scalar
 from forms.normalize import linearize
 from forms.tuning import shear_part
 

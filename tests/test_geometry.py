@@ -1,4 +1,4 @@
-"""Meshes of `geometry`: volumes, faces, sizes of cells, files, refusals; serial and on several ranks."""
+"""Meshes of `geometry`: volumes, faces, sizes of cells, refusals; serial and on several ranks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from typing import Any
 import basix
 import numpy as np
 import pytest
-import ufl
 from dolfinx import fem
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
-from mpi4py import MPI
+from meshes import COMM, area, degree, jacobians
 
 from geometry import Geometry, GeometryError, build, face_names
 from geometry.grading import relative_sizes
@@ -24,7 +23,6 @@ from geometry.grading import relative_sizes
 # Later releases of dolfinx keep one array for each cell type beside the only one there is here.
 pytestmark = pytest.mark.filterwarnings("ignore:dofmap is deprecated:DeprecationWarning")
 
-COMM = MPI.COMM_WORLD
 SOLID, PLANE = ("tetrahedron", "hexahedron"), ("triangle", "quadrilateral")
 SIZES: dict[str, Any] = {
     "cube": 2.0,
@@ -67,39 +65,6 @@ def lengths(shape: str) -> list[float]:
     if shape == "cylinder":
         return [2 * size[0], 2 * size[0], size[1]]
     return list(size) if isinstance(size, list) else [size] * (2 if shape == "square" else 3)
-
-
-def area(g: Geometry, name: str) -> float:
-    """Area of a named face, length in 2D; one form for all faces, so that it is compiled once."""
-    ds = ufl.Measure("ds", domain=g.mesh, subdomain_data=[(1, integration_entities(g, name))])
-    form = fem.form(fem.Constant(g.mesh, 1.0) * ds(1))
-    return float(COMM.allreduce(fem.assemble_scalar(form), op=MPI.SUM))
-
-
-def degree(g: Geometry) -> int:
-    """Order of the cells."""
-    return int(g.mesh.ufl_domain().ufl_coordinate_element().basix_element.degree)
-
-
-def integration_entities(g: Geometry, name: str) -> np.ndarray:
-    """Pairs (cell, local facet) of a face."""
-    topology = g.mesh.topology
-    tdim = topology.dim
-    topology.create_connectivity(tdim, tdim - 1)
-    to_cells, to_facets = topology.connectivity(tdim - 1, tdim), topology.connectivity(tdim, tdim - 1)
-    pairs = [(cell, facet) for facet in g.facets(name) for cell in to_cells.links(facet)]
-    local = [(cell, int(np.flatnonzero(to_facets.links(cell) == facet)[0])) for cell, facet in pairs]
-    return np.array(local, dtype=np.int32).reshape(-1)
-
-
-def jacobians(g: Geometry) -> np.ndarray:
-    """Determinants of the cells' maps on a lattice with the corners, shape (cells, points)."""
-    element = g.mesh.ufl_domain().ufl_coordinate_element().basix_element
-    tdim = g.mesh.topology.dim
-    points = basix.create_lattice(element.cell_type, 4, basix.LatticeType.equispaced, True)
-    gradients = element.tabulate(1, points)[1:, :, :, 0]
-    x = g.mesh.geometry.x[:, :tdim][g.mesh.geometry.dofmap]
-    return np.linalg.det(np.einsum("cni,jpn->cpij", x, gradients))
 
 
 def layers(g: Geometry, axis: int, where: Callable[[np.ndarray], np.ndarray] = np.atleast_2d) -> np.ndarray:
@@ -374,219 +339,3 @@ def test_gmsh_of_the_caller_survives() -> None:
         assert gmsh.model.list() == ["", "mine"]
     finally:
         gmsh.finalize()
-
-
-# ------------------------------------------------------------------------------------------- files
-
-
-def write(folder: Path, draw: Callable[[Any], None], name: str = "part.msh", **options: float) -> str:
-    """Write a file with gmsh on rank 0, in the folder of rank 0, and return its path on all."""
-    path = str(COMM.bcast(folder / name, root=0))
-    if COMM.rank == 0:
-        import gmsh
-
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-        try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-            for option, value in options.items():
-                gmsh.option.setNumber(f"Mesh.{option}", value)
-            gmsh.model.add("part")
-            draw(gmsh)
-            gmsh.write(path)
-        finally:
-            gmsh.finalize()
-    COMM.barrier()
-    return path
-
-
-def two_blocks(gmsh: Any, order: int = 1, rest: bool = False) -> None:
-    """Join two unit cubes along x: ends and joint named, the first in a named group, the second in none.
-
-    With `rest` the second is in a group without a name.
-    """
-    occ, model = gmsh.model.occ, gmsh.model
-    blocks = [(3, occ.addBox(x, 0, 0, 1, 1, 1)) for x in (0, 1)]
-    occ.fragment(blocks[:1], blocks[1:])
-    occ.synchronize()
-
-    def across(x: float) -> list[int]:
-        return [tag for _, tag in model.getEntitiesInBoundingBox(x - 1e-3, -1, -1, x + 1e-3, 2, 2, 2)]
-
-    model.addPhysicalGroup(2, across(0), 30, "clamped end")
-    model.addPhysicalGroup(2, across(2), 7, "load")
-    model.addPhysicalGroup(2, across(1), 8, "joint")
-    model.addPhysicalGroup(2, [tag for _, tag in model.getEntities(2)][-1:], 9)
-    model.addPhysicalGroup(3, [blocks[0][1]], 7, "soft")
-    if rest:
-        model.addPhysicalGroup(3, [blocks[1][1]], 11)
-    model.addPhysicalGroup(1, [1], 7, "edge")
-    model.addPhysicalGroup(0, [1], 1, "corner")
-    model.mesh.generate(3)
-    model.mesh.setOrder(order)
-
-
-@pytest.mark.parametrize(
-    ("options", "rest"),
-    [({}, False), ({}, True), ({"Binary": 1}, False), ({"MshFileVersion": 2.2}, True)],
-    ids=["4.1-all", "4.1", "binary", "2.2"],
-)
-@pytest.mark.parametrize("order", [1, 2])
-def test_file(tmp_path: Path, options: dict[str, float], rest: bool, order: int) -> None:
-    """Named groups of surfaces become faces, those of volumes regions; cells without a group are kept."""
-    path = write(tmp_path, lambda gmsh: two_blocks(gmsh, order, rest), SaveAll=0 if rest else 1, **options)
-    g = build(COMM, "file", path=path)
-    assert g.faces == {"clamped end": 30, "load": 7, "joint": 8}
-    assert g.regions == {"soft": 7}
-    assert degree(g) == order
-    assert g.volume() == pytest.approx(2)
-    assert area(g, "clamped end") == pytest.approx(1)
-    assert area(g, "load") == pytest.approx(1)
-    assert g.cell_tags is not None
-    owned = g.mesh.topology.index_map(3).size_local
-    soft = COMM.allreduce(int((g.cell_tags.find(7) < owned).sum()), op=MPI.SUM)
-    assert 0 < soft < g.cells_count
-    assert (jacobians(g) > 0).all()
-
-
-def test_file_raised_to_second_order(tmp_path: Path) -> None:
-    """A file of straight cells gets mid nodes when curved cells are asked for."""
-    g = build(COMM, "file", path=write(tmp_path, two_blocks, SaveAll=1), order=2)
-    assert degree(g) == 2
-    assert g.volume() == pytest.approx(2)
-
-
-def test_file_refined(tmp_path: Path) -> None:
-    """Each cell is split in eight, groups and faces stay; curved cells, whose shape is not known, are refused."""
-    path = write(tmp_path, two_blocks, SaveAll=1)
-    coarse = build(COMM, "file", path=path)
-    for order in (1, 2):
-        g = build(COMM, "file", path=path, refine=1, order=order)
-        assert (g.faces, g.regions, degree(g)) == (coarse.faces, coarse.regions, order)
-        assert g.cells_count == 8 * coarse.cells_count
-        assert g.volume() == pytest.approx(2)
-        assert area(g, "load") == pytest.approx(1)
-    curved = write(tmp_path, lambda gmsh: two_blocks(gmsh, 2), "curved.msh", SaveAll=1)
-    with pytest.raises(GeometryError, match="refine = 1: expected straight cells"):
-        build(COMM, "file", path=curved, refine=1)
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_file_in_2d(tmp_path: Path, cell: str) -> None:
-    """In a flat file the named groups of curves are the faces."""
-
-    def draw(gmsh: Any) -> None:
-        gmsh.model.occ.addRectangle(0, 0, 5, 2, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(1, [1], 1, "bottom")
-        if cell == "quadrilateral":
-            for tag in (1, 2, 3, 4):
-                gmsh.model.mesh.setTransfiniteCurve(tag, 4)
-            gmsh.model.mesh.setTransfiniteSurface(1)
-            gmsh.model.mesh.setRecombine(2, 1)
-        gmsh.model.mesh.generate(2)
-
-    g = build(COMM, "file", path=write(tmp_path, draw, SaveAll=1))
-    assert (g.mesh.topology.dim, g.mesh.geometry.dim) == (2, 2)
-    assert g.mesh.topology.cell_name() == cell
-    assert g.cell_tags is None
-    assert g.volume() == pytest.approx(2)
-    assert area(g, "bottom") == pytest.approx(2)
-
-
-def block(gmsh: Any, faces: dict[str, list[int]], volumes: tuple[str, ...] = ("body",), dim: int = 3) -> None:
-    """Mesh a unit cube with physical groups."""
-    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
-    gmsh.model.occ.synchronize()
-    for name, tags in faces.items():
-        gmsh.model.addPhysicalGroup(2, tags, name=name)
-    for name in volumes:
-        gmsh.model.addPhysicalGroup(3, [1], name=name)
-    gmsh.model.mesh.generate(dim)
-
-
-def detached(gmsh: Any) -> None:
-    """Name a surface that no cell touches."""
-    gmsh.model.occ.addRectangle(5, 5, 5, 1, 1, tag=100)
-    block(gmsh, {"end": [1], "far": [100]})
-
-
-def incomplete(gmsh: Any) -> None:
-    """Mesh with 20-node hexahedra."""
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
-    gmsh.option.setNumber("Mesh.TransfiniteTri", 1)
-    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
-    gmsh.model.occ.synchronize()
-    gmsh.model.mesh.setTransfiniteAutomatic()
-    gmsh.model.addPhysicalGroup(3, [1], name="body")
-    gmsh.model.mesh.generate(3)
-    gmsh.model.mesh.setOrder(2)
-
-
-DRAWN: dict[str, tuple[Callable[[Any], None], str]] = {
-    "surface only": (lambda gmsh: block(gmsh, {"end": [1, 3]}, (), 2), "got surface cells, not flat in z"),
-    "nothing": (lambda gmsh: block(gmsh, {}, (), 1), "volume cells, or surface cells in 2D; got neither"),
-    "no faces": (lambda gmsh: block(gmsh, {}), "named physical groups of surfaces, the faces; got none"),
-    "no names": (lambda gmsh: block(gmsh, {"": [1]}), "the faces; got 1 without a name"),
-    "shared": (lambda gmsh: block(gmsh, {"a": [1, 2], "b": [2]}), "of surfaces; a and b share number 2"),
-    "twice": (lambda gmsh: block(gmsh, {"a": [1]}, ("b", "c")), "of volumes; b and c share number 1"),
-    "detached": (detached, "face 'far': expected facets of cells, got nodes of no cell"),
-    "incomplete": (incomplete, "complete of order 1 or 2; got Hexahedron 20"),
-}
-
-
-@pytest.mark.parametrize("case", DRAWN)
-def test_unusable_mesh(tmp_path: Path, case: str) -> None:
-    """A mesh that cannot serve is refused on every rank in one line with the path."""
-    draw, message = DRAWN[case]
-    path = write(tmp_path, draw)
-    with pytest.raises(GeometryError, match=message) as raised:
-        build(COMM, "file", path=path)
-    assert str(raised.value).startswith(f"{path}: ")
-    assert "\n" not in str(raised.value)
-
-
-def test_facets_that_fit_no_cell(tmp_path: Path) -> None:
-    """Elements between nodes of cells that are no facets of them are refused, not dropped."""
-
-    def draw(gmsh: Any) -> None:
-        block(gmsh, {"end": [1]})
-        corners = [gmsh.model.mesh.getNodes(0, point)[0][0] for point in (1, 2, 3)]
-        gmsh.model.mesh.addElementsByType(1, 2, [], corners)
-
-    path = write(tmp_path, draw)
-    with pytest.raises(GeometryError, match=r"face 'end': expected \d+ facets of cells, got \d+"):
-        build(COMM, "file", path=path)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("missing.msh", None, "expected a readable .msh file, got: No such file"),
-        ("folder.msh", "folder", "expected a readable .msh file, got: Is a directory"),
-        ("part.stl", "solid", "expected a .msh file"),
-        ("empty.msh", "", "starting with \\$MeshFormat"),
-        ("script.msh", 'SystemCall "touch ran";\n', "starting with \\$MeshFormat"),
-        ("garbage.msh", "$MeshFormat\nnonsense\n", "expected .*; g"),
-        ("cut.msh", "cut", "expected a complete .msh file; gmsh stopped with: Could not read"),
-    ],
-)
-def test_unreadable_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: str | None, message: str
-) -> None:
-    """What is no mesh file is refused on every rank, and never run as a gmsh script."""
-    path = Path(write(tmp_path, lambda gmsh: block(gmsh, {"a": [1]}), "whole.msh")).with_name(name)
-    if COMM.rank == 0:
-        if content == "folder":
-            path.mkdir()
-        elif content == "cut":
-            whole = path.with_name("whole.msh").read_bytes()
-            path.write_bytes(whole[: len(whole) // 2])
-        elif content is not None:
-            path.write_text(content)
-    COMM.barrier()
-    monkeypatch.chdir(path.parent)
-    with pytest.raises(GeometryError, match=message) as raised:
-        build(COMM, "file", path=path)
-    assert str(raised.value).startswith(f"{path}: ")
-    assert not Path("ran").exists()

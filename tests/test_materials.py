@@ -10,7 +10,8 @@ import pytest
 import ufl
 
 from forms.energy import Material
-from forms.kinematics import GradientMeasures, PrincipalStretches, as_numpy, evaluate
+from forms.evaluation import as_numpy, evaluate
+from forms.kinematics import GradientMeasures, PrincipalStretches
 from forms.materials import CATALOGUE, get, make
 from forms.normalize import linearize
 

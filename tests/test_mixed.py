@@ -20,7 +20,8 @@ from app.scene import Scene
 from app.stepping import LoadFailure, follow
 from forms.elements import ELEMENTS, Element, Pressure, choose
 from forms.energy import CATALOGUE, MaterialError
-from forms.kinematics import PrincipalStretches, as_numpy, deformation_gradient
+from forms.evaluation import as_numpy
+from forms.kinematics import PrincipalStretches, deformation_gradient
 from forms.materials.functions import ENERGIES
 from forms.mixed import MixedPotential, mixed_response
 from forms.normalize import linearize

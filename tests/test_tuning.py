@@ -13,7 +13,8 @@ from rich.console import Console
 
 from app.catalogue import show, table
 from forms.energy import Energy
-from forms.kinematics import PrincipalStretches, as_numpy, evaluate
+from forms.evaluation import as_numpy, evaluate
+from forms.kinematics import PrincipalStretches
 from forms.materials import CATALOGUE, MaterialError, get, make
 from forms.normalize import calibrate, lame_pair, linearize
 from forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume

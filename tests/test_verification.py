@@ -19,7 +19,8 @@ from app.scene import Scene
 from app.stepping import follow
 from forms.elements import ELEMENTS
 from forms.energy import CATALOGUE
-from forms.kinematics import PrincipalStretches, as_numpy
+from forms.evaluation import as_numpy
+from forms.kinematics import PrincipalStretches
 from forms.normalize import lame_pair
 from forms.tuned import tuned_energy
 
