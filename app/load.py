@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from app import toml
 from app.check import check
 from app.errors import SceneError
 from app.scene import Condition, Material, Scene
@@ -23,21 +24,9 @@ def load(source: str, overrides: Iterable[str] = ()) -> Scene:
         overrides: Assignments `key.key=value` with TOML values, applied before the check.
 
     Raises:
-        SceneError: One line with file, key and what was expected.
+        UserError: One line with file, key and what was expected.
     """
-    path = Path(source)
-    if path.suffix != ".toml" and not path.is_file():
-        path = SHIPPED / f"{source}.toml"
-        if not path.is_file():
-            near = difflib.get_close_matches(source, shipped(), 1)
-            hint = f"did you mean {near[0]}?" if near else f"shipped are {', '.join(shipped())}"
-            raise SceneError(f"{source}: no scene of that name and no such file; {hint}")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: not TOML: {error}") from None
+    path, data = toml.read(source, SHIPPED, "scene")
     for assignment in overrides:
         override(data, assignment)
     return parse(data, path)
@@ -45,7 +34,7 @@ def load(source: str, overrides: Iterable[str] = ()) -> Scene:
 
 def shipped() -> list[str]:
     """Names of the shipped scenes."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return toml.names(SHIPPED)
 
 
 def parse(data: dict[str, Any], path: Path) -> Scene:

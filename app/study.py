@@ -1,11 +1,11 @@
 """The study: which cases are solved and what they are held against, read from TOML and checked before any is run."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from app import toml
 from app.errors import UserError
 from app.load import load
 
@@ -158,17 +158,7 @@ def load_study(source: str) -> Study:
     Raises:
         UserError: One line with file, key and what was expected.
     """
-    path = Path(source)
-    if path.suffix != ".toml" and not path.is_file():
-        path = SHIPPED / f"{source}.toml"
-        if not path.is_file():
-            raise StudyError(f"{source}: no study of that name and no such file; shipped are {', '.join(shipped())}")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: not TOML: {error}") from None
+    path, data = toml.read(source, SHIPPED, "study")
     try:
         study = Study.model_validate({**data, "name": path.stem})
     except ValidationError as error:
@@ -186,7 +176,7 @@ def load_study(source: str) -> Study:
 
 def shipped() -> list[str]:
     """Names of the shipped studies."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return toml.names(SHIPPED)
 
 
 def _first(error: ValidationError) -> str:

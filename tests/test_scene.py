@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.errors import SceneError
+from app.errors import SceneError, UserError
 from app.load import SHIPPED, load, shipped
 
 GOOD = """
@@ -143,7 +143,7 @@ def test_bad_override(override: str, words: str) -> None:
 
 
 def test_unknown_scene_names_the_nearest() -> None:
-    with pytest.raises(SceneError, match="did you mean cube-pull"):
+    with pytest.raises(UserError, match="did you mean cube-pull"):
         load("cube-pul")
 
 
