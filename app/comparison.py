@@ -205,7 +205,7 @@ class Comparison:
             for tolerance in self.study.tolerances:
                 prices = {curve.name: curve.price(self.study.plot, tolerance) for curve in ours}
                 best = min(prices, key=lambda name: prices[name])
-                row = [panel, f"{100 * tolerance:g} %", _seconds(prices[best]), best]
+                row = [panel, f"{100 * tolerance:g} %", _seconds(prices[best]), best if prices[best] < math.inf else "-"]
                 row += [self._factor(rivals[name], tolerance, prices[best]) for name in names if name in rivals]
                 yield f"| {' | '.join(row)} |"
 
@@ -215,7 +215,7 @@ class Comparison:
         over = "over " if math.isinf(seconds) else ""
         factor = (self.study.timeout if over and rival.timed_out else seconds) / best
         text = self._price(rival, tolerance)
-        if not math.isfinite(factor):
+        if not 0 < factor < math.inf:
             return text
         # Two digits, rounded down: the times have no more.
         unit = 10.0 ** (math.floor(math.log10(factor)) - 1)
@@ -223,6 +223,8 @@ class Comparison:
 
 
 def _seconds(value: float) -> str:
+    if not math.isfinite(value):
+        return "-"
     return f"{value:.2g}" if value < 100 else f"{value:.0f}"
 
 
