@@ -205,8 +205,9 @@ class Comparison:
             for tolerance in self.study.tolerances:
                 prices = {curve.name: curve.price(self.study.plot, tolerance) for curve in ours}
                 best = min(prices, key=lambda name: prices[name])
-                row = [panel, f"{100 * tolerance:g} %", _seconds(prices[best]), best if prices[best] < math.inf else "-"]
-                row += [self._factor(rivals[name], tolerance, prices[best]) for name in names if name in rivals]
+                name = best if math.isfinite(prices[best]) else "-"
+                row = [panel, f"{100 * tolerance:g} %", _seconds(prices[best]), name]
+                row += [self._factor(rivals[rival], tolerance, prices[best]) for rival in names if rival in rivals]
                 yield f"| {' | '.join(row)} |"
 
     def _factor(self, rival: Curve, tolerance: float, best: float) -> str:
