@@ -12,7 +12,7 @@ FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 # Within app, from the ground up: a file imports only files of lower rank.
 RANKS = [
     {"errors", "results"},
-    {"scene", "toml", "catalogue", "xdmf", "fields", "plots"},
+    {"arguments", "scene", "toml", "catalogue", "xdmf", "fields", "plots"},
     {"check", "constraints", "output"},
     {"load", "problem"},
     {"study", "orders", "bench"},
