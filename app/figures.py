@@ -58,7 +58,10 @@ def _figure(study: Study, curves: list[Curve], path: Path, label: str) -> None:
         _dress(axes, study, panel, label, len(panels) > 1)
     grid[0].set_ylabel(f"relative error: {LABELS.get(study.plot, study.plot)}")
     handles = {text: line for axes in grid for line, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-    where: dict[str, Any] = {"loc": "outside right upper"} if many else {"loc": "outside lower center", "ncols": 3}
+    # Inches of a line's sample and of a letter, so that the columns fit.
+    entry = 0.55 + 0.065 * max(map(len, handles), default=0)
+    below = {"loc": "outside lower center", "ncols": max(1, min(3, int(width / entry)))}
+    where: dict[str, Any] = {"loc": "outside right upper"} if many else below
     figure.legend(handles.values(), handles.keys(), frameon=False, fontsize=7.5 if many else 9, **where)
     figure.suptitle(study.title, fontsize=11.5, fontweight="bold")
     figure.savefig(path, format="png", pil_kwargs={"optimize": True})
