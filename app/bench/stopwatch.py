@@ -9,7 +9,7 @@ from typing import Any
 
 import dolfinx.fem.petsc
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 from numpy.typing import NDArray
 
 from forms.spectral import build
@@ -79,8 +79,7 @@ def assembly(form: fem.Form, targets: dict[int, Any]) -> Call:
     if form.rank == 0:
         return lambda: fem.assemble_scalar(form)
     if form.rank not in targets:
-        create = fem.create_vector if form.rank == 1 else dolfinx.fem.petsc.create_matrix
-        targets[form.rank] = create(form)
+        targets[form.rank] = _empty(form)
     target = targets[form.rank]
 
     def vector() -> None:
@@ -93,6 +92,14 @@ def assembly(form: fem.Form, targets: dict[int, Any]) -> Call:
         target.assemble()
 
     return vector if form.rank == 1 else matrix
+
+
+def _empty(form: fem.Form) -> Any:
+    """A vector or a matrix for a form."""
+    if form.rank == 2:
+        return dolfinx.fem.petsc.create_matrix(form)
+    dofmap = form.function_spaces[0].dofmap
+    return la.vector(dofmap.index_map, dofmap.index_map_bs)
 
 
 def _address(form: fem.Form, name: str) -> int:
