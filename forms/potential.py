@@ -91,12 +91,15 @@ class Potential:
         self._kernel = kernel
         self.parameters = fem.Constant(mesh, np.array(energy.constants())) if kernel is None else kernel.constants
         named = energy.unpack([self.parameters[i] for i in range(len(energy.constants()))])
-        psi = energy.density(GradientMeasures(deformation_gradient(u)), named) * dx
+        F = deformation_gradient(u)
+        psi = energy.density(GradientMeasures(F), named)
+        # Functions of C know no sign of J: NaN where a material is not defined.
+        guarded = psi if energy.inverts else psi + fem.Constant(mesh, 0.0) * ufl.ln(ufl.det(F))
 
         def compiled(name: str, derivatives: Sequence[Any]) -> fem.Form:
             if by[name] == "spectral":
                 return getattr(kernel, name)
-            form = psi
+            form = (psi if derivatives else guarded) * dx
             for direction in derivatives:
                 form = ufl.derivative(form, u, direction)
             return fem.form(form)

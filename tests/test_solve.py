@@ -230,6 +230,20 @@ def test_steps_are_cut_back_where_the_energy_is_undefined() -> None:
     assert Measures(problem).min_J() > 0
 
 
+@pytest.mark.parametrize("assembly", ["ufl", "spectral"])
+@pytest.mark.parametrize("name", [name for name, entry in CATALOGUE.items() if not entry.inverts])
+def test_mirrored_bodies_have_no_energy(name: str, assembly: str) -> None:
+    """Even where the formula has one: of a symmetric energy, the mirrored body's is zero."""
+    volume = {} if len(CATALOGUE[name].pair) > 1 else {"volume": "stable-neo-hookean"}
+    boundary = {"left": {"fix": True}, "right": {"move": [0.1, 0.0, 0.0]}}
+    solve = {"assembly": assembly, "element": "Q1"}
+    problem = Problem(scene({"name": name, **volume}, boundary, solve=solve, mesh={"cells": 1}), MPI.COMM_SELF)
+    mirrored = np.zeros((8, 3))
+    mirrored[:, 0] = -2 * problem.V.tabulate_dof_coordinates()[:, 0]
+    assert np.isnan(problem.energy_at(problem.joined(mirrored.ravel())))
+    assert np.isfinite(problem.energy_at(problem.joined(0.01 * mirrored.ravel())))
+
+
 def test_failure_is_told_and_keeps_what_was_reached(
     elastune: Callable[..., Any], solved: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -138,6 +138,7 @@ def code(energy: Energy, extended: bool) -> str:
         "THRESHOLD": len(arguments.constants) + 1,
         "EXTENDED": int(extended),
         "OBJECTIVE": int(energy.objective),
+        "POSITIVE": int(not energy.inverts and not extended),
         "EVEN": int(is_even(energy) and not extended),
         # Only a call keeps the loop over lanes from being vectorised; whole powers are multiplied out.
         "DENSITY_CALLS": int(bool(re.search(r"\b(log|exp)\(|\bpow\([^()]*, (?!-?\d+\))", body))),

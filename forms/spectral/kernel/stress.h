@@ -87,6 +87,11 @@ static inline void energy_density(const struct frame *f, const double *c, struct
     density_psi(f->s, f->s, c, far, out);
   if (any(near))
     from_rest(f, c, near, out);
+#if POSITIVE
+  /* Some formulas are finite again, and even zero, on the far side of their barrier. */
+  for (int i = 0; i < 3; ++i)
+    out->psi = choose(f->s[i] > 0, out->psi, all(NAN));
+#endif
 }
 
 static inline void principal_stress(const struct frame *f, const double *c, struct jet *out)
