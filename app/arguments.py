@@ -1,12 +1,11 @@
 """The words of the command line: commands and their options."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
 from app.errors import UserError
-
-BENCHES = ("kernels", "stretch", "twist")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -14,8 +13,12 @@ class _Parser(argparse.ArgumentParser):
         raise UserError(f"{message}; see {self.prog} --help")
 
 
-def parser() -> argparse.ArgumentParser:
-    """Of all commands."""
+def parser(benches: Iterable[str]) -> argparse.ArgumentParser:
+    """Of all commands.
+
+    Args:
+        benches: Names of the benchmarks.
+    """
     top = _Parser(
         prog="elastune",
         description="Tunes hyperelastic materials and proves the result by finite elements.",
@@ -29,14 +32,7 @@ def parser() -> argparse.ArgumentParser:
         epilog="Options of PETSc follow after --, as in: elastune run cube-pull -- -snes_monitor",
     )
     command.add_argument("scene", help="a scene file, or the name of a shipped scene")
-    command.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="replace a key of the scene, e.g. material.alpha=0.5; may be repeated",
-    )
+    _overrides(command, "replace a key of the scene, e.g. material.alpha=0.5; may be repeated")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE)")
 
     commands.add_parser("scenes", help="list the shipped scenes")
@@ -49,14 +45,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("name", nargs="?", help="a material")
     command.add_argument("--E", type=float, default=1.0, help="Young's modulus (default 1)")
     command.add_argument("--nu", type=float, default=0.3, help="Poisson's ratio (default 0.3)")
-    command.add_argument(
-        "--set",
-        dest="overrides",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="with a name: alpha=2, volume=hencky, parameters.mu=1.0, as in a scene's material table",
-    )
+    _overrides(command, "with a name: alpha=2, volume=hencky, parameters.mu=1.0, as in a scene's material table")
     command.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("results/materials"), help="folder of the curve"
     )
@@ -82,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/stress"), help="folder of the table")
 
     command = commands.add_parser("bench", help="time the solver against others")
-    command.add_argument("name", choices=BENCHES, help="what is measured")
+    command.add_argument("name", choices=sorted(benches), help="what is measured")
     command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/bench"), help="folder of the results")
     extent = command.add_mutually_exclusive_group()
     extent.add_argument("--quick", action="store_true", help="kernels: two materials only")
@@ -93,3 +82,7 @@ def parser() -> argparse.ArgumentParser:
         help="kernels: UFL's form of every stretch-based material too, which take long to compile",
     )
     return top
+
+
+def _overrides(command: argparse.ArgumentParser, meaning: str) -> None:
+    command.add_argument("--set", dest="overrides", metavar="KEY=VALUE", action="append", default=[], help=meaning)

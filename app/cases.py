@@ -15,6 +15,10 @@ from app.study import Settings, Study, StudyError, flatten
 REFINEMENT = ("mesh.cells", "mesh.h", "mesh.refine")
 
 
+# The curve that reference runs are recorded under.
+REFERENCE = "reference"
+
+
 @dataclass(frozen=True)
 class Case:
     """One scene to be solved.
@@ -80,6 +84,20 @@ def overkill(study: Study, case: Case) -> list[Settings]:
     base = {key: value for key, value in case.curve_settings.items() if not _beaten(key, own)}
     finer = [{name: value} for name, values in flatten(study.reference.extrapolate).items() for value in values]
     return [base | own | settings for settings in finer or [{}]]
+
+
+def references(study: Study, case: Case) -> list[Case]:
+    """The reference runs that a case is held against; none where the truth is known.
+
+    Raises:
+        UserError: If their scene is impossible.
+    """
+    if not study.reference.overkill:
+        return []
+    return [
+        Case(REFERENCE, "", settings, make_scene(study, settings), "elastune", case.ranks)
+        for settings in overkill(study, case)
+    ]
 
 
 def _beaten(key: str, winners: Settings) -> bool:
@@ -148,6 +166,4 @@ def _check(study: Study, case: Case) -> None:
             )
     if study.reference.stated and study.plot not in stated(study, case):
         raise StudyError(f"{study.name}.toml: reference.stated: no {study.plot} for the case {case.key}")
-    if study.reference.overkill:
-        for settings in overkill(study, case):
-            make_scene(study, settings)
+    references(study, case)

@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, petsc = (words[: words.index("--")], words[words.index("--") + 1 :]) if "--" in words else (words, [])
     try:
-        options = parser().parse_args(words)
+        options = parser(_BENCHES).parse_args(words)
         if petsc and options.command != "run":
             raise UserError(f"elastune {options.command}: takes no PETSc options, got {' '.join(petsc)}")
         return _COMMANDS[options.command](options, petsc)
@@ -54,9 +54,14 @@ def _complain(message: str) -> None:
         print(f"elastune: {' '.join(message.split())}", file=sys.stderr)
 
 
+def _ranks() -> int:
+    """Number of processes, as the launcher tells before MPI is loaded."""
+    return int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1"))
+
+
 def _wait_for_others() -> None:
     """Before MPI is loaded, mpirun ends all ranks as soon as one exits: rank 0 must have spoken by then."""
-    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1 and "mpi4py.MPI" not in sys.modules:
+    if _ranks() > 1 and "mpi4py.MPI" not in sys.modules:
         from mpi4py import MPI
 
         MPI.COMM_WORLD.Barrier()
@@ -168,7 +173,7 @@ def _stress(options: Any, petsc: list[str]) -> int:
 def _bench(options: Any, petsc: list[str]) -> int:
     if (options.quick or options.everything) and options.name != "kernels":
         raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
-    if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
+    if _ranks() > 1:
         raise UserError("elastune bench: expected one process")
     _make(options.out)
     _BENCHES[options.name](options)

@@ -8,10 +8,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from app.cases import Case, make_scene, overkill, stated
+from app.cases import Case, references, stated
 from app.errors import UserError
 from app.orders import fitted_order, limit, price
-from app.records import REFERENCE, Records, key_of
+from app.records import Records, key_of
 from app.study import NORMS, Study
 
 
@@ -123,8 +123,7 @@ class Comparison:
         if self.study.reference.stated:
             return stated(self.study, case)
         runs = []
-        for settings in overkill(self.study, case):
-            reference = Case(REFERENCE, "", settings, make_scene(self.study, settings), "elastune", case.ranks)
+        for reference in references(self.study, case):
             record = self.records.of(key_of(reference))[0]
             if not record.converged:
                 raise UserError(f"{self.study.name}.toml: reference {reference.key}: {record.entries['message']}")

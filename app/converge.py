@@ -10,11 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from app.cases import REFINEMENT, Case, cases, make_scene, overkill
+from app.cases import REFINEMENT, Case, cases, references
 from app.comparison import Comparison
 from app.errors import UserError
 from app.figures import draw
-from app.records import REFERENCE, Record, Records, key_of
+from app.records import Record, Records, key_of
 from app.study import NORMS, Settings, Study
 
 Report = Callable[[str], None]
@@ -44,22 +44,12 @@ def converge(study: Study, folder: Path, report: Report) -> list[Path]:
         line = case.solver, case.ranks, case.curve_settings
         if line not in given_up and not _measure(study, case, records, report):
             given_up.append(line)
-    references = [reference for case in found for reference in references_of(study, case)]
-    for case in references:
-        _measure(study, case, records, report, repeats=1)
+    for case in found:
+        for reference in references(study, case):
+            _measure(study, reference, records, report, repeats=1)
     comparison = Comparison(study, found, records)
     files = [records.path, *comparison.write(folder)]
     return files + draw(study, comparison, folder)
-
-
-def references_of(study: Study, case: Case) -> list[Case]:
-    """The reference runs that a case is held against."""
-    if not study.reference.overkill:
-        return []
-    return [
-        Case(REFERENCE, "", settings, make_scene(study, settings), "elastune", case.ranks)
-        for settings in overkill(study, case)
-    ]
 
 
 def _measure(study: Study, case: Case, records: Records, report: Report, repeats: int | None = None) -> bool:

@@ -28,9 +28,8 @@ def escape(tangent: Tangent, values: Array) -> Array | None:
     direction = _most_negative(tangent)
     if direction is None:
         return None
-    problem.set_state(values)
-    gradient = problem.force_at(values, [*problem.potential.internal, *problem.potential.external])
-    if problem.dot(np.where(problem.held, 0.0, gradient), direction) > 0:
+    # The direction is zero where displacements are prescribed.
+    if problem.dot(problem.residual_at(values), direction) > 0:
         direction = -direction
 
     def energy(length: float) -> float:

@@ -8,8 +8,9 @@ from dolfinx import la
 from app.problem import Array, Problem
 from forms.energy import Energy
 from forms.evaluation import as_numpy
-from forms.kinematics import GradientMeasures, PrincipalStretches, deformation_gradient
+from forms.kinematics import PrincipalStretches
 from forms.potential import Loads, Potential
+from forms.spectral.choice import needs_eigenvalues
 
 
 def out_of_balance(problem: Problem) -> float:
@@ -18,10 +19,7 @@ def out_of_balance(problem: Problem) -> float:
     UFL's own derivative of ψ(F), or where ψ needs eigenvalues, whose closed form UFL cannot differentiate at
     repeated stretches, the singular values of F in numpy.
     """
-    F = ufl.variable(deformation_gradient(problem.u))
-    measures = GradientMeasures(F)
-    problem.energy.density(measures)
-    if measures.uses_eigenvalues:
+    if needs_eigenvalues(problem.energy, problem.u):
         forces = _by_singular_values(problem)
     else:
         reference = Potential(problem.energy, problem.u, problem.quadrature, Loads(), assembly="ufl")

@@ -23,7 +23,6 @@ COLUMNS = (
     "seconds",
     "memory_mb",
 )
-REFERENCE = "reference"
 
 Key = tuple[str, int, str]
 

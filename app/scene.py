@@ -192,13 +192,16 @@ def material_energy(scene: Scene) -> Any:
         SceneError: If the material cannot be what the scene asks for.
     """
     try:
-        mixed = ELEMENTS[scene.element].pressure is not None
-        energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=mixed)
-        if mixed:
-            split(energy)
-        return energy
+        return _energy(scene.material, mixed=ELEMENTS[scene.element].pressure is not None)
     except MaterialError as error:
         raise SceneError(f"material: {error}") from None
+
+
+def _energy(material: Material, mixed: bool) -> Any:
+    energy = tuned_energy(**material.model_dump(exclude={"extension"}), mixed=mixed)
+    if mixed:
+        split(energy)
+    return energy
 
 
 def unmixed_keys(scene: Scene) -> tuple[tuple[str, Any, Any], ...]:
@@ -218,8 +221,7 @@ def _near_incompressible(scene: Scene) -> bool:
     if nu is not None and nu < MIXED_FROM:
         return False
     try:
-        energy = tuned_energy(**scene.material.model_dump(exclude={"extension"}), mixed=True)
-        split(energy)
+        energy = _energy(scene.material, mixed=True)
     except MaterialError:
         return False
     return linearize(energy).poissons_ratio >= MIXED_FROM

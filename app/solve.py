@@ -192,11 +192,11 @@ class Minimizer:
             except NotConverged as failure:
                 if failure.kind not in ("saddle", "crawling", "stalled", "indefinite"):
                     raise
-                values = self._led_on(failure, values, seed)
+                values = self._led_on(failure, values, seed, until)
         self._watchful, self._patience = False, np.inf
         return self._solve(self.snes, values, until)
 
-    def _led_on(self, failure: NotConverged, values: Array, seed: int) -> Array:
+    def _led_on(self, failure: NotConverged, values: Array, seed: int, until: Callable[[], bool] | None) -> Array:
         """Where to start again from, after Newton's method has set out from `values` and failed."""
         problem = self.problem
         lower = escape(self.tangent, failure.values) if failure.kind == "saddle" else None
@@ -204,7 +204,7 @@ class Minimizer:
             return lower
         noise = NOISE * problem.extent * (2 * uniform(problem, seed) - 1)
         shaken = failure.values + problem.joined(noise.ravel())
-        return self.roam(np.where(problem.held, values, shaken), self._until)
+        return self.roam(np.where(problem.held, values, shaken), until)
 
     def roam(self, values: Array, until: Callable[[], bool] | None = None) -> Array:
         """Goes by the trust region to where Newton's method can take over, or as far as it gets.

@@ -21,6 +21,7 @@ from forms.energy import CATALOGUE, Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
 from forms.materials import make
 from forms.spectral import SpectralForms, build
+from forms.spectral.choice import needs_eigenvalues
 
 # The energy in invariants that others are held against, and the stretch-based ones whose UFL forms are compiled
 # unless all are asked for: each takes seconds.
@@ -124,7 +125,7 @@ def measure(plan: Plan, tell: Callable[[str], None]) -> Iterator[Row]:
         targets: dict[int, Any] = {}
         for name in plan.materials:
             forms = {"reference": reference, "optimised": optimised}
-            own = _method(make(name), u)
+            own = "eigenvalues" if needs_eigenvalues(make(name), u) else "invariants"
             if name != REFERENCE and (own == "invariants" or name in plan.eigenvalues):
                 forms[own] = ufl_forms(make(name), u, degree)
             rows = list(_rows(element, name, u, forms, targets, plan.repeats))
@@ -158,12 +159,6 @@ def ufl_forms(energy: Energy, u: fem.Function, degree: int, optimised: bool = Fa
         forms[name] = fem.form(form, jit_options=options)
         form = ufl.derivative(form, u)
     return forms
-
-
-def _method(energy: Energy, u: fem.Function) -> str:
-    measures = GradientMeasures(deformation_gradient(u))
-    energy.density(measures)
-    return "eigenvalues" if measures.uses_eigenvalues else "invariants"
 
 
 def _rows(

@@ -6,6 +6,13 @@ from forms.energy import Energy
 from forms.kinematics import GradientMeasures, deformation_gradient
 
 
+def needs_eigenvalues(energy: Energy, u: Function) -> bool:
+    """Whether ψ(F) takes more than invariants: eigenvalues of C."""
+    measures = GradientMeasures(deformation_gradient(u))
+    energy.density(measures)
+    return measures.uses_eigenvalues
+
+
 def fastest(energy: Energy, u: Function, extended: bool = False) -> dict[str, str]:
     """What assembles each form faster, for an unfiltered tangent: "ufl" or "spectral".
 
@@ -23,8 +30,6 @@ def fastest(energy: Energy, u: Function, extended: bool = False) -> dict[str, st
     Returns:
         "ufl" or "spectral" by the names "energy", "residual" and "tangent".
     """
-    measures = GradientMeasures(deformation_gradient(u))
-    energy.density(measures)
     hexahedron = u.function_space.mesh.basix_cell().name == "hexahedron"
-    first = "spectral" if extended or measures.uses_eigenvalues or hexahedron else "ufl"
+    first = "spectral" if extended or hexahedron or needs_eigenvalues(energy, u) else "ufl"
     return {"energy": first, "residual": first, "tangent": "spectral"}
