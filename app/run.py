@@ -6,15 +6,15 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from app.diagnose import diagnose
-from app.errors import SceneError
-from app.measures import Measures
-from app.output import Output
-from app.problem import Problem
-from app.results import Failure, Step, Summary
-from app.scene import Scene
-from app.stepping import LoadFailure, State, follow
-from forms.normalize import linearize
+from elastune.app.body.body import Problem
+from elastune.app.errors import SceneError
+from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.results.diagnose import diagnose
+from elastune.app.results.folder import Output
+from elastune.app.results.measures import Measures
+from elastune.app.results.record import Failure, Step, Summary
+from elastune.app.scene.schema import Scene
+from elastune.forms.normalize import linearize
 
 
 class Progress:

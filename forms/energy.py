@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Annotated, Any, NamedTuple, get_args
 
-from forms.kinematics import PrincipalStretches, Scalar
+from elastune.forms.kinematics import PrincipalStretches, Scalar
 
 Value = Any  # a number, or a tuple of numbers for a parameter with terms
 Values = Mapping[str, Value]

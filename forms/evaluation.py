@@ -11,7 +11,7 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.traversal import unique_post_traversal
 
-from forms.kinematics import Scalar
+from elastune.forms.kinematics import Scalar
 
 
 def evaluate(expression: Scalar) -> float:

@@ -12,9 +12,9 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from forms.energy import Energy, Material, MaterialError, as_number
-from forms.evaluation import as_numpy, evaluate
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Energy, Material, MaterialError, as_number
+from elastune.forms.evaluation import as_numpy, evaluate
+from elastune.forms.kinematics import PrincipalStretches
 
 __all__ = ["Linearization", "calibrate", "check_rest", "evaluate", "lame_pair", "linearize"]
 

@@ -8,7 +8,7 @@ import dolfinx
 import numpy as np
 from dolfinx import fem
 
-from forms.elements import Element, Pressure
+from elastune.forms.elements import Element, Pressure
 
 
 def displacement_space(mesh: dolfinx.mesh.Mesh, element: Element) -> fem.FunctionSpace:

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from forms.energy import Energy, MaterialError
-from forms.materials import get
-from forms.normalize import calibrate as calibrate_material
-from forms.normalize import check_rest, lame_pair
-from forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
+from elastune.forms.energy import Energy, MaterialError
+from elastune.forms.materials import get
+from elastune.forms.normalize import calibrate as calibrate_material
+from elastune.forms.normalize import check_rest, lame_pair
+from elastune.forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
 
 
 def tuned_energy(
@@ -33,7 +33,7 @@ def tuned_energy(
         alpha_mu: Exponent of the μ part (Eq. 20).
         volume: Material whose λ part is taken (Eq. 19, Section 6).
         parameters: Parameters and options that differ from the defaults.
-        calibrate: See `forms.normalize.calibrate`.
+        calibrate: See `elastune.forms.normalize.calibrate`.
         mixed: Whether the λ part is carried by a pressure, which allows ν = 0.5.
 
     Raises:

@@ -7,9 +7,9 @@ coefficients are stored among the energy's values, so that changing them recompi
 from collections.abc import Callable
 from dataclasses import replace
 
-from forms.energy import Energy, MaterialError, Parts, Values, as_number
-from forms.kinematics import PrincipalStretches, Scalar
-from forms.normalize import linearize
+from elastune.forms.energy import Energy, MaterialError, Parts, Values, as_number
+from elastune.forms.kinematics import PrincipalStretches, Scalar
+from elastune.forms.normalize import linearize
 
 ShearPart = Callable[[PrincipalStretches, Values], Scalar]
 

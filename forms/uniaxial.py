@@ -7,9 +7,9 @@ import numpy as np
 import ufl
 from numpy.typing import ArrayLike, NDArray
 
-from forms.energy import Energy
-from forms.evaluation import as_numpy
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Energy
+from elastune.forms.evaluation import as_numpy
+from elastune.forms.kinematics import PrincipalStretches
 
 # Largest and smallest step in the logarithm of the axial stretch, and how far the sides may move in one:
 # farther away, even after the smallest step, is another branch of equilibria, to which a bar would jump.

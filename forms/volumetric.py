@@ -10,11 +10,11 @@ import ufl
 from numpy.typing import NDArray
 from ufl.corealg.traversal import unique_pre_traversal
 
-from forms.energy import Energy, MaterialError, Parts
-from forms.evaluation import as_numpy
-from forms.kinematics import PrincipalStretches, Scalar
-from forms.normalize import linearize
-from forms.tuning import shear_part
+from elastune.forms.energy import Energy, MaterialError, Parts
+from elastune.forms.evaluation import as_numpy
+from elastune.forms.kinematics import PrincipalStretches, Scalar
+from elastune.forms.normalize import linearize
+from elastune.forms.tuning import shear_part
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from geometry.errors import GeometryError
-from geometry.named import Geometry
-from geometry.session import on_root, session
-from geometry.shapes import Plan, check_order, make_plan
+from elastune.geometry.errors import GeometryError
+from elastune.geometry.named import Geometry
+from elastune.geometry.session import on_root, session
+from elastune.geometry.shapes import Plan, check_order, make_plan
 
 if TYPE_CHECKING:
     from dolfinx.mesh import Mesh
@@ -68,8 +68,8 @@ def build(
         raise GeometryError(f'refine = {refine!r}: expected shape = "file" with it, got {shape!r}; use cells')
     plan = make_plan(shape, size, cells, cell, h, order, grade)
 
-    from geometry.compat import model_to_mesh
-    from geometry.sections import make_model
+    from elastune.geometry.compat import model_to_mesh
+    from elastune.geometry.sections import make_model
 
     with session(comm) as model:
         on_root(comm, lambda: make_model(model, plan))
@@ -86,7 +86,7 @@ def _stretch(mesh: Mesh, plan: Plan) -> None:
     """
     import numpy as np
 
-    from geometry.grading import knots
+    from elastune.geometry.grading import knots
 
     x = mesh.geometry.x
     if plan.round:
@@ -109,8 +109,8 @@ def _from_file(
 
     from mpi4py import MPI
 
-    from geometry.compat import model_to_mesh
-    from geometry.msh import load
+    from elastune.geometry.compat import model_to_mesh
+    from elastune.geometry.msh import load
 
     with session(comm) as model:
         content = on_root(comm, lambda: load(model, path, order, refine))

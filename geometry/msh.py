@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.errors import GeometryError
+from elastune.geometry.errors import GeometryError
 
 # gmsh's number of a cell type -> that of its facets. Incomplete cells (20-node hexahedra) are left out.
 FACET_TYPES = {2: 1, 9: 8, 3: 1, 10: 8, 4: 2, 11: 9, 5: 3, 12: 10}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from geometry.errors import GeometryError
+from elastune.geometry.errors import GeometryError
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,7 +1,7 @@
 """gmsh models of the shapes: a structured section, extruded layer by layer.
 
 Everything is built at unit size, a square or a disc times unit height, because gmsh joins the layers of
-an extrusion with absolute tolerances; `geometry.builder` stretches the mesh to its lengths afterwards.
+an extrusion with absolute tolerances; `elastune.geometry.builder` stretches the mesh to its lengths afterwards.
 Extruded tetrahedra conform across the blocks of the disc, where transfinite volumes would not.
 """
 
@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from geometry.grading import relative_sizes
-from geometry.shapes import Plan
+from elastune.geometry.grading import relative_sizes
+from elastune.geometry.shapes import Plan
 
 # Half diagonal of the core of the unit disc: cells of the core, the ring and the arc are of a size then.
 CORE = 0.6

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from geometry.errors import GeometryError
+from elastune.geometry.errors import GeometryError
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from geometry.errors import GeometryError
+from elastune.geometry.errors import GeometryError
 
 SOLID, PLANE = ("tetrahedron", "hexahedron"), ("triangle", "quadrilateral")
 MOST_CELLS = 10**8
@@ -110,7 +110,7 @@ def make_plan(
     order: int,
     grade: Mapping[str, float] | None,
 ) -> Plan:
-    """Check the arguments of `geometry.build` for a shape other than "file".
+    """Check the arguments of `elastune.geometry.build` for a shape other than "file".
 
     Raises:
         GeometryError: One of them is impossible; the message names it, its value and what was expected.

@@ -18,7 +18,7 @@ def elastune(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
     def call(*words: object, ranks: int = 1) -> subprocess.CompletedProcess[str]:
         launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        command = [*launcher, sys.executable, "-m", "app", *map(str, words)]
+        command = [*launcher, sys.executable, "-m", "elastune", *map(str, words)]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=900, check=False)
 
     return call

@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from geometry import Geometry
+from elastune.geometry import Geometry
 
 COMM = MPI.COMM_WORLD
 

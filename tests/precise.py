@@ -16,8 +16,8 @@ import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from forms.energy import Energy
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Energy
+from elastune.forms.kinematics import PrincipalStretches
 
 mp = mpmath.mp.clone()
 mp.dps = 60

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from app.bench.compilation import compilations
-from app.bench.kernel_tables import summary, write
-from app.bench.kernels import ELEMENTS, FORMS, MEASURES, METHODS, measure, plan
+from elastune.app.bench.compilation import compilations
+from elastune.app.bench.kernel_tables import summary, write
+from elastune.app.bench.kernels import ELEMENTS, FORMS, MEASURES, METHODS, measure, plan
 
 ELEMENT = "P1 triangle"
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cases import cases, overkill
-from app.errors import UserError
-from app.orders import fitted_order, limit, price
-from app.records import Records
-from app.study import load_study, shipped
-from forms.energy import CATALOGUE
+from elastune.app.errors import UserError
+from elastune.app.studies.cases import cases, overkill
+from elastune.app.studies.orders import fitted_order, limit, price
+from elastune.app.studies.schema import load_study, shipped
+from elastune.app.studies.store import Records
+from elastune.forms.energy import CATALOGUE
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 

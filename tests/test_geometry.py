@@ -17,8 +17,8 @@ from dolfinx import fem
 from dolfinx.mesh import entities_to_geometry, exterior_facet_indices
 from meshes import COMM, area, degree, jacobians
 
-from geometry import Geometry, GeometryError, build, face_names
-from geometry.grading import relative_sizes
+from elastune.geometry import Geometry, GeometryError, build, face_names
+from elastune.geometry.grading import relative_sizes
 
 # Later releases of dolfinx keep one array for each cell type beside the only one there is here.
 pytestmark = pytest.mark.filterwarnings("ignore:dofmap is deprecated:DeprecationWarning")
@@ -317,7 +317,7 @@ def test_failure_on_rank_0_reaches_all(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(model: Any, plan: Any) -> None:
         raise RuntimeError("Unable to\nrecover an edge")
 
-    monkeypatch.setattr("geometry.sections.make_model", fail)
+    monkeypatch.setattr("elastune.geometry.sections.make_model", fail)
     with pytest.raises(GeometryError, match=r"gmsh: .* the error: Unable to recover an edge"):
         build(COMM)
     if COMM.rank == 0:

@@ -10,7 +10,7 @@ import pytest
 from meshes import COMM, area, degree, jacobians
 from mpi4py import MPI
 
-from geometry import GeometryError, build
+from elastune.geometry import GeometryError, build
 
 # Later releases of dolfinx keep one array for each cell type beside the only one there is here.
 pytestmark = pytest.mark.filterwarnings("ignore:dofmap is deprecated:DeprecationWarning")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import ufl
 
-from forms.energy import Material
-from forms.evaluation import as_numpy, evaluate
-from forms.kinematics import GradientMeasures, PrincipalStretches
-from forms.materials import CATALOGUE, get, make
-from forms.normalize import linearize
+from elastune.forms.energy import Material
+from elastune.forms.evaluation import as_numpy, evaluate
+from elastune.forms.kinematics import GradientMeasures, PrincipalStretches
+from elastune.forms.materials import CATALOGUE, get, make
+from elastune.forms.normalize import linearize
 
 mp.mp.dps = 50
 

@@ -10,24 +10,24 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from app.blocks import Blocks, Convexity
-from app.errors import SceneError
-from app.fields import Fields
-from app.load import parse
-from app.measures import Measures
-from app.problem import Problem
-from app.scene import Scene
-from app.stepping import LoadFailure, follow
-from forms.elements import ELEMENTS, Element, Pressure, choose
-from forms.energy import CATALOGUE, MaterialError
-from forms.evaluation import as_numpy
-from forms.kinematics import PrincipalStretches, deformation_gradient
-from forms.materials.functions import ENERGIES
-from forms.mixed import MixedPotential, mixed_response
-from forms.normalize import linearize
-from forms.tuned import tuned_energy
-from forms.uniaxial import uniaxial
-from forms.volumetric import split
+from elastune.app.body.body import Problem
+from elastune.app.errors import SceneError
+from elastune.app.path.follow import LoadFailure, follow
+from elastune.app.results.fields import Fields
+from elastune.app.results.measures import Measures
+from elastune.app.scene.read import parse
+from elastune.app.scene.schema import Scene
+from elastune.app.solvers.linear.blocks import Blocks, Convexity
+from elastune.forms.elements import ELEMENTS, Element, Pressure, choose
+from elastune.forms.energy import CATALOGUE, MaterialError
+from elastune.forms.evaluation import as_numpy
+from elastune.forms.kinematics import PrincipalStretches, deformation_gradient
+from elastune.forms.materials.functions import ENERGIES
+from elastune.forms.normalize import linearize
+from elastune.forms.terms.mixed import MixedPotential, mixed_response
+from elastune.forms.tuned import tuned_energy
+from elastune.forms.uniaxial import uniaxial
+from elastune.forms.volumetric import split
 
 Tables = dict[str, Any]
 MIXED = [name for name, element in ELEMENTS.items() if element.pressure is not None]

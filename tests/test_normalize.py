@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from forms.energy import PositiveModulus, material
-from forms.kinematics import PrincipalStretches
-from forms.materials import CATALOGUE, MaterialError, get, make
-from forms.normalize import calibrate, check_rest, lame_pair, linearize
+from elastune.forms.energy import PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.materials import CATALOGUE, MaterialError, get, make
+from elastune.forms.normalize import calibrate, check_rest, lame_pair, linearize
 
 WITHOUT_LAMBDA = [name for name, entry in CATALOGUE.items() if not entry.energy().has_lambda]
 WITH_LAMBDA = [name for name in CATALOGUE if name not in WITHOUT_LAMBDA]
@@ -168,7 +168,7 @@ def test_unknown_material_names_the_nearest() -> None:
 
 
 def test_a_new_material_is_one_block(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("forms.energy.CATALOGUE", catalogue := dict(CATALOGUE))
+    monkeypatch.setattr("elastune.forms.energy.CATALOGUE", catalogue := dict(CATALOGUE))
 
     @material("cubic", "nowhere", inverts=True)
     def cubic(s: PrincipalStretches, c: PositiveModulus = 1.0) -> Any:

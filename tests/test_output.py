@@ -18,16 +18,16 @@ from dolfinx import fem
 from dolfinx.mesh import entities_to_geometry
 from mpi4py import MPI
 
-from app import plots
-from app import scene as scenes
-from app.errors import SceneError, UserError
-from app.fields import CELL_FIELDS, Fields
-from app.load import parse
-from app.output import Output
-from app.results import Failure, Step, Summary
-from app.xdmf import FieldFile, WholeMesh, replace_text
-from forms.materials import make
-from geometry import build
+from elastune.app.errors import SceneError, UserError
+from elastune.app.results.fields import CELL_FIELDS, Fields
+from elastune.app.results.folder import Output
+from elastune.app.results.pictures import curve as plots
+from elastune.app.results.record import Failure, Step, Summary
+from elastune.app.results.xdmf import FieldFile, WholeMesh, replace_text
+from elastune.app.scene import schema as scenes
+from elastune.app.scene.read import parse
+from elastune.forms.materials import make
+from elastune.geometry import build
 
 ALL = ["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]
 LAM, MU = 0.7, 0.4
@@ -107,7 +107,7 @@ def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> 
     def never(*arguments: Any, **options: Any) -> None:
         raise AssertionError("the kernel was called")
 
-    monkeypatch.setattr("app.fields.pointwise", never)
+    monkeypatch.setattr("elastune.app.results.fields.pointwise", never)
     fields = Fields(_displacement("hexahedron", 1, 1, SHEARED), make("neo-hookean"), None, None)
     assert list(fields.cells(["J", "stretches"])) == ["J", "stretches"]
     with pytest.raises(AssertionError):
@@ -116,7 +116,7 @@ def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_average_of_J_is_the_ratio_of_volumes(monkeypatch: pytest.MonkeyPatch) -> None:
     """On curved cells, whose points carry different volumes, and in several blocks."""
-    monkeypatch.setattr("app.fields.BLOCK", 100)
+    monkeypatch.setattr("elastune.app.results.fields.BLOCK", 100)
     mesh = build(MPI.COMM_SELF, shape="cylinder", size=[0.5, 1.0], cells=4, order=2).mesh
     x, nodes = mesh.geometry.x, entities_to_geometry(mesh, 3, np.arange(_count(mesh), dtype=np.int32))
     rest = _volumes(x[nodes], mesh)

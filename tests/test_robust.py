@@ -12,14 +12,14 @@ from petsc4py import PETSc
 from scipy.linalg import eigvalsh
 from scipy.sparse import csr_matrix
 
-from app.diagnose import diagnose
-from app.independent import out_of_balance
-from app.load import load
-from app.measures import Measures
-from app.problem import Problem
-from app.start import started
-from app.stepping import LoadFailure, State, follow
-from app.tangent import Tangent
+from elastune.app.body.body import Problem
+from elastune.app.body.shapes import started
+from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.results.diagnose import diagnose
+from elastune.app.results.measures import Measures
+from elastune.app.scene.read import load
+from elastune.app.solvers.tangent import Tangent
+from elastune.app.verify.independent import out_of_balance
 
 HEX, TET = ["mesh.cell=hexahedron", "solve.element=Q1"], ["mesh.cell=tetrahedron", "solve.element=P1"]
 HEX2, TET2 = ["mesh.cell=hexahedron", "solve.element=Q2"], ["mesh.cell=tetrahedron", "solve.element=P2"]

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from app.load import shipped
-from forms.energy import CATALOGUE
+from elastune.app.scene.read import shipped
+from elastune.forms.energy import CATALOGUE
 
 ROOT = Path(__file__).parents[1]
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -145,7 +145,7 @@ def test_bad_scene_on_two_ranks_is_told_once(elastune: Run, tmp_path: Path) -> N
 
 
 def test_help_imports_nothing_heavy() -> None:
-    script = "import sys, app.cli\ntry: app.cli.main(['--help'])\nexcept SystemExit: pass\n"
+    script = "from elastune.app.cli.main import main\nimport sys\ntry: main(['--help'])\nexcept SystemExit: pass\n"
     script += (
         "assert not {'dolfinx', 'ufl', 'numpy', 'pydantic', 'rich', 'mpi4py'} & set(sys.modules), sys.modules.keys()"
     )

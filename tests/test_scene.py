@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from app.errors import SceneError, UserError
-from app.load import SHIPPED, load, shipped
+from elastune.app.errors import SceneError, UserError
+from elastune.app.scene.read import SHIPPED, load, shipped
 
 GOOD = """
 [mesh]

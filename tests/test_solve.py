@@ -9,14 +9,14 @@ import pytest
 from dolfinx import fem
 from mpi4py import MPI
 
-from app.load import parse
-from app.measures import Measures
-from app.problem import Problem
-from app.solve import Minimizer
-from app.stepping import LoadFailure, State, follow
-from forms.energy import CATALOGUE
-from forms.normalize import lame_pair
-from forms.uniaxial import uniaxial
+from elastune.app.body.body import Problem
+from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.results.measures import Measures
+from elastune.app.scene.read import parse
+from elastune.app.solvers.strategy import Minimizer
+from elastune.forms.energy import CATALOGUE
+from elastune.forms.normalize import lame_pair
+from elastune.forms.uniaxial import uniaxial
 
 Tables = dict[str, Any]
 BAR: Tables = {"left": {"roller": ["x"]}, "front": {"roller": ["y"]}, "bottom": {"roller": ["z"]}}

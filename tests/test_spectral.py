@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forms import materials, tuning
-from forms.energy import CATALOGUE, Energy
-from forms.normalize import linearize
-from forms.spectral import SpectralError, pointwise
+from elastune.forms import materials, tuning
+from elastune.forms.energy import CATALOGUE, Energy
+from elastune.forms.normalize import linearize
+from elastune.forms.spectral import SpectralError, pointwise
 
 I = np.eye(3)  # noqa: E741
 

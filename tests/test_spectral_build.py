@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from forms import materials
-from forms.spectral import SpectralError, build, pointwise
+from elastune.forms import materials
+from elastune.forms.spectral import SpectralError, build, pointwise
 
 REST = np.zeros((1, 3, 3))
 SCRIPT = """
 import numpy as np
-from forms import materials
-from forms.spectral import pointwise
+from elastune.forms import materials
+from elastune.forms.spectral import pointwise
 print(float(np.linalg.norm(pointwise(materials.make("arap"), np.zeros((1, 3, 3)))[2])))
 """
 

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from forms import materials
-from forms.spectral import eigensystem, pointwise
-from forms.spectral.eigensystem import Coefficients
+from elastune.forms import materials
+from elastune.forms.spectral import eigensystem, pointwise
+from elastune.forms.spectral.eigensystem import Coefficients
 
 RANDOM = np.random.default_rng(0).normal(size=(40, 3, 3))
 # Where a printed eigenvector vanishes, roots coincide, or η and ρ diverge.

@@ -12,12 +12,12 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from forms import materials
-from forms.energy import CATALOGUE, Energy
-from forms.kinematics import GradientMeasures, deformation_gradient
-from forms.normalize import linearize
-from forms.spectral import SpectralError, SpectralForms, fastest
-from forms.tuning import with_nonlinearity
+from elastune.forms import materials
+from elastune.forms.energy import CATALOGUE, Energy
+from elastune.forms.kinematics import GradientMeasures, deformation_gradient
+from elastune.forms.normalize import linearize
+from elastune.forms.spectral import SpectralError, SpectralForms, fastest
+from elastune.forms.tuning import with_nonlinearity
 
 # Speed is not what the reference is for.
 QUICK = {"cffi_extra_compile_args": ["-O0", "-g0"]}
@@ -275,8 +275,8 @@ RANKS = """
 from mpi4py import MPI
 import numpy as np
 from dolfinx import fem, la, mesh
-from forms import materials
-from forms.spectral import SpectralForms
+from elastune.forms import materials
+from elastune.forms.spectral import SpectralForms
 domain = mesh.create_unit_cube(MPI.COMM_WORLD, 4, 4, 4, mesh.CellType.hexahedron)
 u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
 u.interpolate(lambda x: np.array([0.2 * x[1] ** 2, 0.1 * np.sin(3 * x[2]), 0.3 * x[0] * x[1]]))

@@ -6,9 +6,9 @@ import pytest
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from forms import materials
-from forms.energy import Energy
-from forms.spectral import SpectralForms, pointwise
+from elastune.forms import materials
+from elastune.forms.energy import Energy
+from elastune.forms.spectral import SpectralForms, pointwise
 
 TURN = np.array([[0.8, -0.6], [0.6, 0.8]])
 STATES = {

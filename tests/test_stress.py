@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from app.matrix import matrix
-from app.stress import LIMIT, OUTCOMES, Row, cases, read, solve, stress
-from forms.energy import CATALOGUE
+from elastune.app.stress.outcomes import LIMIT, OUTCOMES, Row, cases, read, solve, stress
+from elastune.app.stress.picture import matrix
+from elastune.forms.energy import CATALOGUE
 
 SLOW = 20.0
 

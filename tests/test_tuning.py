@@ -11,14 +11,14 @@ import ufl
 from matplotlib.image import imread
 from rich.console import Console
 
-from app.catalogue import show, table
-from forms.energy import Energy
-from forms.evaluation import as_numpy, evaluate
-from forms.kinematics import PrincipalStretches
-from forms.materials import CATALOGUE, MaterialError, get, make
-from forms.normalize import calibrate, lame_pair, linearize
-from forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
-from forms.uniaxial import uniaxial
+from elastune.app.cli.catalogue import show, table
+from elastune.forms.energy import Energy
+from elastune.forms.evaluation import as_numpy, evaluate
+from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.materials import CATALOGUE, MaterialError, get, make
+from elastune.forms.normalize import calibrate, lame_pair, linearize
+from elastune.forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
+from elastune.forms.uniaxial import uniaxial
 
 STRETCHY = [name for name, entry in CATALOGUE.items() if entry.objective]
 SPLIT = [name for name in STRETCHY if get(name).energy().has_lambda]

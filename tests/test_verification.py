@@ -10,19 +10,19 @@ import ufl
 from mpi4py import MPI
 from scipy.integrate import quad, solve_bvp
 
-from app.exact import Manufactured, Waves, body_force, response
-from app.load import parse
-from app.measures import Measures
-from app.orders import fitted_order
-from app.problem import Problem
-from app.scene import Scene
-from app.stepping import follow
-from forms.elements import ELEMENTS
-from forms.energy import CATALOGUE
-from forms.evaluation import as_numpy
-from forms.kinematics import PrincipalStretches
-from forms.normalize import lame_pair
-from forms.tuned import tuned_energy
+from elastune.app.body.body import Problem
+from elastune.app.path.follow import follow
+from elastune.app.results.measures import Measures
+from elastune.app.scene.read import parse
+from elastune.app.scene.schema import Scene
+from elastune.app.studies.orders import fitted_order
+from elastune.app.verify.exact import Manufactured, Waves, body_force, response
+from elastune.forms.elements import ELEMENTS
+from elastune.forms.energy import CATALOGUE
+from elastune.forms.evaluation import as_numpy
+from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.normalize import lame_pair
+from elastune.forms.tuned import tuned_energy
 
 Tables = dict[str, Any]
 MATERIALS = sorted(CATALOGUE)
@@ -362,7 +362,7 @@ def test_inflation_of_a_compressible_sphere(tmp_path: Path) -> None:
 
 
 def _cook(element: str, refine: int) -> float:
-    path = Path(__file__).parents[1] / "app" / "studies" / "cook.msh"
+    path = Path(__file__).parents[1] / "app" / "studies" / "shipped" / "cook.msh"
     mesh = {"shape": "file", "path": str(path), "refine": refine}
     boundary = {"left": {"fix": True}, "right": {"pull": [0.0, 6.25]}}
     given = {"name": "neo-hookean", "E": 240.565, "nu": 0.4999}

@@ -1,7 +1,7 @@
 """Seconds until a spectral tangent can be assembled, with an empty cache and with a warm one.
 
-Run as a module, `python -m app.bench.compilation`, it is the process that is measured: it reads names of elements
-and materials as JSON and answers with seconds, compiling into the cache that the environment names.
+Run as a module, `python -m elastune.app.bench.compilation`, it is the process that is measured: it reads names of
+elements and materials as JSON and answers with seconds, compiling into the cache that the environment names.
 """
 
 import json
@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.errors import UserError
+from elastune.app.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def compilations(elements: Sequence[str], materials: Sequence[str]) -> list[Comp
 
 def _measured(cache: str, elements: Sequence[str], materials: Sequence[str]) -> list[float]:
     done = subprocess.run(
-        [sys.executable, "-m", "app.bench.compilation"],
+        [sys.executable, "-m", "elastune.app.bench.compilation"],
         input=json.dumps([list(elements), list(materials)]),
         env=os.environ | {"XDG_CACHE_HOME": cache},
         capture_output=True,
@@ -53,9 +53,9 @@ def _measured(cache: str, elements: Sequence[str], materials: Sequence[str]) -> 
 
 
 def _answer() -> None:
-    from app.bench.kernels import ELEMENTS, Cells, deformed
-    from forms.materials import make
-    from forms.spectral import SpectralForms
+    from elastune.app.bench.kernels import ELEMENTS, Cells, deformed
+    from elastune.forms.materials import make
+    from elastune.forms.spectral import SpectralForms
 
     elements, materials = json.load(sys.stdin)
     seconds = []

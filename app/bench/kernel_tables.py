@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from app.bench.compilation import Compilation
-from app.bench.kernels import FORMS, MEASURES, METHODS, REFERENCE, STRETCH_BASED, Row
+from elastune.app.bench.compilation import Compilation
+from elastune.app.bench.kernels import FORMS, MEASURES, METHODS, REFERENCE, STRETCH_BASED, Row
 
 # Bars of the figure: material, method, name, colour (Okabe and Ito's).
 BARS = (

@@ -16,12 +16,12 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from app.bench.stopwatch import Call, assembly, interleaved, tabulation
-from forms.energy import CATALOGUE, Energy
-from forms.kinematics import GradientMeasures, deformation_gradient
-from forms.materials import make
-from forms.spectral import SpectralForms, build
-from forms.spectral.choice import needs_eigenvalues
+from elastune.app.bench.stopwatch import Call, assembly, interleaved, tabulation
+from elastune.forms.energy import CATALOGUE, Energy
+from elastune.forms.kinematics import GradientMeasures, deformation_gradient
+from elastune.forms.materials import make
+from elastune.forms.spectral import SpectralForms, build
+from elastune.forms.spectral.choice import needs_eigenvalues
 
 # The energy in invariants that others are held against, and the stretch-based ones whose UFL forms are compiled
 # unless all are asked for: each takes seconds.

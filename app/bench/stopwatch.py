@@ -12,7 +12,7 @@ import numpy as np
 from dolfinx import fem, la
 from numpy.typing import NDArray
 
-from forms.spectral import build
+from elastune.forms.spectral import build
 
 Call = Callable[[], Any]
 SWEEP = Path(__file__).with_name("sweep.c")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from app.load import load
-from app.measures import Measures
-from app.problem import Problem
-from app.stepping import LoadFailure, follow
+from elastune.app.body.body import Problem
+from elastune.app.path.follow import LoadFailure, follow
+from elastune.app.results.measures import Measures
+from elastune.app.scene.read import load
 
 # "Filtered" neo-Hookean is continued below the stretch that Smith et al. name. The corotational body collapses
 # onto its axis on the way, where its energy has a kink and forces cannot balance: it gets little time for that.

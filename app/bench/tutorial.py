@@ -17,11 +17,11 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-import geometry
-from app.constraints import prescribed_motion
-from app.errors import SceneError
-from app.scene import Scene, material_energy, mesh_arguments
-from forms.kinematics import GradientMeasures, deformation_gradient
+from elastune import geometry
+from elastune.app.body.constraints import prescribed_motion
+from elastune.app.errors import SceneError
+from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
+from elastune.forms.kinematics import GradientMeasures, deformation_gradient
 
 # From dolfinx 0.10 on NonlinearProblem is another class, and what NewtonSolver takes has this name.
 _NonlinearProblem: Any = getattr(dolfinx.fem.petsc, "NewtonSolverNonlinearProblem", dolfinx.fem.petsc.NonlinearProblem)

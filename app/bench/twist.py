@@ -7,11 +7,11 @@ from typing import Any
 
 from mpi4py import MPI
 
-from app.bench import tutorial
-from app.load import load
-from app.problem import Problem
-from app.scene import Scene
-from app.stepping import follow
+from elastune.app.bench import tutorial
+from elastune.app.body.body import Problem
+from elastune.app.path.follow import follow
+from elastune.app.scene.read import load
+from elastune.app.scene.schema import Scene
 
 # Fewer equal steps make the tutorial's solver fail.
 TUTORIAL_STEPS = 10

@@ -1,7 +1,7 @@
 """The catalogue of materials: importing this package registers every one."""
 
-from forms.energy import CATALOGUE, Energy, Material, MaterialError
-from forms.materials import geometric, linear, neo_hookean, rubber, seth_hill, stabilised, valanis_landel
+from elastune.forms.energy import CATALOGUE, Energy, Material, MaterialError
+from elastune.forms.materials import geometric, linear, neo_hookean, rubber, seth_hill, stabilised, valanis_landel
 
 __all__ = [
     "CATALOGUE",

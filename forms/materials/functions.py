@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from ufl import exp, ln
 
-from forms.kinematics import Scalar
+from elastune.forms.kinematics import Scalar
 
 # Strain measures: f(1) = 0 and f'(1) = 1, the conditions under which the Hill family has the pair (λ, μ).
 STRAINS: dict[str, Callable[[Scalar], Scalar]] = {

@@ -1,7 +1,7 @@
 """Energies of geometry processing; none has a λ part."""
 
-from forms.energy import Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
 
 _TABLE = "Chen & Barbič, Table 1"
 _VARIANTS = ("corrected", "printed")

@@ -1,7 +1,7 @@
 """Linear elasticity, for comparison: it is not objective and knows no large deformation."""
 
-from forms.energy import Modulus, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Modulus, Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
 
 
 @material(

@@ -2,8 +2,8 @@
 
 from ufl import ln
 
-from forms.energy import Modulus, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Modulus, Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
 
 _VARIANTS = ("corrected", "printed")
 

@@ -2,9 +2,9 @@
 
 from ufl import conditional, ln, lt
 
-from forms.energy import Exponent, Modulus, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
-from forms.materials.functions import STRAINS
+from elastune.forms.energy import Exponent, Modulus, Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.materials.functions import STRAINS
 
 _TABLE = "Chen & Barbič, Table 1"
 

@@ -6,8 +6,8 @@ parameter is divided by λ.
 
 from ufl import exp, ln
 
-from forms.energy import Modulus, Number, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches
+from elastune.forms.energy import Modulus, Number, Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches
 
 _VARIANTS = ("corrected", "printed")
 

@@ -2,9 +2,9 @@
 
 from ufl import ln
 
-from forms.energy import Modulus, Parts, PositiveModulus, material
-from forms.kinematics import PrincipalStretches, Scalar
-from forms.materials.functions import ENERGIES
+from elastune.forms.energy import Modulus, Parts, PositiveModulus, material
+from elastune.forms.kinematics import PrincipalStretches, Scalar
+from elastune.forms.materials.functions import ENERGIES
 
 _TABLE = "Chen & Barbič, Table 1"
 _VARIANTS = ("corrected", "printed")

@@ -4,9 +4,9 @@ Energy, residual and tangent of any material of the catalogue, on any cell, from
 derivatives of ψ in the stretches: exact where forms through eigenvalues are not, and at small strain.
 """
 
-from forms.spectral.assembly import SpectralForms
-from forms.spectral.build import SpectralError
-from forms.spectral.choice import fastest
-from forms.spectral.points import pointwise
+from elastune.forms.spectral.assembly import SpectralForms
+from elastune.forms.spectral.build import SpectralError
+from elastune.forms.spectral.choice import fastest
+from elastune.forms.spectral.points import pointwise
 
 __all__ = ["SpectralError", "SpectralForms", "fastest", "pointwise"]

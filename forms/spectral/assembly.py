@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from dolfinx.fem import Constant, Form, Function
 
-from forms.energy import Energy
-from forms.spectral import build, compat, density, tables
-from forms.spectral.build import SpectralError
+from elastune.forms.energy import Energy
+from elastune.forms.spectral import build, compat, density, tables
+from elastune.forms.spectral.build import SpectralError
 
 FILTERS = ("none", "clamp", "absolute")
 _CELLS = ("triangle", "quadrilateral", "tetrahedron", "hexahedron")

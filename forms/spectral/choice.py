@@ -2,8 +2,8 @@
 
 from dolfinx.fem import Function
 
-from forms.energy import Energy
-from forms.kinematics import GradientMeasures, deformation_gradient
+from elastune.forms.energy import Energy
+from elastune.forms.kinematics import GradientMeasures, deformation_gradient
 
 
 def needs_eigenvalues(energy: Energy, u: Function) -> bool:

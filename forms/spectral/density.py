@@ -13,10 +13,10 @@ import ufl
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
-from forms.energy import Energy
-from forms.kinematics import PrincipalStretches, Scalar
-from forms.normalize import evaluate
-from forms.spectral.compat import expression_code
+from elastune.forms.energy import Energy
+from elastune.forms.kinematics import PrincipalStretches, Scalar
+from elastune.forms.normalize import evaluate
+from elastune.forms.spectral.compat import expression_code
 
 
 @cache

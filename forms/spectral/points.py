@@ -4,10 +4,10 @@ import ctypes
 
 import numpy as np
 
-from forms.energy import Energy
-from forms.spectral import build, density
-from forms.spectral.assembly import FILTERS, check_extension
-from forms.spectral.build import SpectralError
+from elastune.forms.energy import Energy
+from elastune.forms.spectral import build, density
+from elastune.forms.spectral.assembly import FILTERS, check_extension
+from elastune.forms.spectral.build import SpectralError
 
 _MACROS = '#define LANES 8\n#define DIM 3\n#include "lanes.h"\n'
 

@@ -1,0 +1,1 @@
+"""Tunes hyperelastic materials and proves the result by finite elements."""

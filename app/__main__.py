@@ -1,7 +1,0 @@
-"""`python -m app` is `elastune`."""
-
-import sys
-
-from app.cli import main
-
-sys.exit(main())

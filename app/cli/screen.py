@@ -1,0 +1,95 @@
+"""How a run goes, on the screen of rank 0: a bar on a terminal, a line a step everywhere."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mpi4py import MPI
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from elastune.app.body.body import Problem
+from elastune.app.results.record import Step, Summary
+from elastune.app.run import Progress
+from elastune.app.scene.schema import Scene
+
+
+class Screen(Progress):
+    """Tells a person how a run goes; other ranks than 0 stay silent."""
+
+    def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
+        """Prepares a bar that is shown on terminals only."""
+        self.scene = scene
+        # A launcher's pipe looks like a terminal to its ranks, and is none.
+        alone = None if comm.size == 1 else False
+        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True, force_terminal=alone)
+        self.bar = Bar(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("load {task.completed:.3f}"),
+            TimeElapsedColumn(),
+            console=self.console,
+            transient=True,
+        )
+
+    def __enter__(self) -> "Screen":
+        # Even a disabled bar ends with an empty line.
+        if self.console.is_terminal:
+            self.bar.start()
+        self.task = self.bar.add_task(self.scene.name, total=1.0)
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self.console.is_terminal:
+            self.bar.stop()
+
+    def start(self, problem: Problem) -> None:
+        """What is about to be solved."""
+        ranks = f", {problem.comm.size} ranks" if problem.comm.size > 1 else ""
+        element = f"{problem.element} (auto: {problem.reason})" if problem.reason else problem.element
+        self.console.print(
+            f"{self.scene.name}: {self.scene.material.name}, {element}, "
+            f"{problem.geometry.cells_count:,} cells, {problem.size:,} unknowns{ranks}"
+        )
+
+    def increment(self, load: float, newton: int) -> None:
+        """A load increment has converged."""
+        self.bar.update(self.task, completed=load)
+
+    def step(self, step: Step) -> None:
+        """A step has been recorded."""
+        self.console.print(
+            f"load {step.load:.4g}: energy {step.energy:.8g}, volume {step.volume_ratio:.5f}, "
+            f"least J {step.min_J:.4f}, {step.newton_iterations} Newton steps, {step.wall_s:.2f} s"
+        )
+
+    def finish(self, summary: Summary, files: Sequence[Path]) -> None:
+        """How it ended, and where the results are."""
+        if summary.failure is not None:
+            self.console.print(
+                f"did not converge at load {summary.failure.load:.4g}: {summary.failure.message} "
+                f"({summary.failure.kind})"
+            )
+            self.console.print(_told(summary.failure.diagnosis))
+        if files:
+            self.console.print(f"{summary.wall_s:.1f} s; results in {files[0].parent}: ", end="")
+            self.console.print(", ".join(file.name for file in files))
+
+
+def _told(diagnosis: dict[str, Any]) -> str:
+    """A diagnosis in a few lines."""
+    lines = [
+        "{inverted_cells} cells inverted, J from {J[0]:.3g} to {J[1]:.3g}, "
+        "stretches from {stretches[0]:.3g} to {stretches[1]:.3g}".format(**diagnosis),
+        "largest force out of balance {largest_force:.3g} at {at}".format(**diagnosis["residual"]),
+    ]
+    if diagnosis["ellipticity"] < 0:
+        lines.append("the material has lost ellipticity there")
+    if diagnosis["unbounded_below"]:
+        lines.append("the energy is unbounded below")
+    if diagnosis["locking"]:
+        lines.append(f"locking is likely: {diagnosis['locking']}")
+    lines += [f"try: {advice}" for advice in diagnosis["advice"]]
+    return "\n".join(f"  {line}" for line in lines)

@@ -1,0 +1,68 @@
+"""What a run leaves: one record a load step, and how it ended."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Step:
+    """One converged load step.
+
+    Attributes:
+        load: Load factor, from 0 to 1.
+        energy: Strain energy less the work of the loads.
+        reaction: Force of each held face on the body, by face, along x, y, z.
+        volume_ratio: Deformed over reference volume.
+        min_J: Least volume ratio at any quadrature point.
+        newton_iterations: Newton steps spent, rejected attempts included.
+        linear_iterations: Iterations of the linear solver; one a direct solve.
+        wall_s: Seconds.
+    """
+
+    load: float
+    energy: float
+    reaction: dict[str, list[float]]
+    volume_ratio: float
+    min_J: float
+    newton_iterations: int
+    linear_iterations: int
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run stopped.
+
+    Attributes:
+        kind: One word.
+        message: One line.
+        load: The load factor that was not reached.
+        diagnosis: What the state looks like where the last attempt ended, and advice: see `results.diagnose`.
+    """
+
+    kind: str
+    message: str
+    load: float
+    diagnosis: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Summary:
+    """What `summary.json` says; scripts rely on its keys."""
+
+    scene: str
+    status: str
+    failure: Failure | None
+    material: dict[str, Any]
+    element: str
+    cells: int
+    dofs: int
+    ranks: int
+    steps: list[Step] = field(default_factory=list)
+    wall_s: float = 0.0
+    peak_memory_mb: float = 0.0
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nested tables for JSON."""
+        return asdict(self)

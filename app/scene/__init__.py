@@ -1,0 +1,1 @@
+"""Scenes: what a person writes, checked and built into a body."""

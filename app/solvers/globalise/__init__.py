@@ -1,0 +1,1 @@
+"""What keeps Newton's method on its way down."""

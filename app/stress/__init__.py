@@ -1,0 +1,1 @@
+"""Every material through the scenes that break solvers."""

@@ -1,0 +1,1 @@
+"""Independent truths: manufactured solutions, recomputed forces."""

@@ -1,0 +1,71 @@
+"""Forces out of balance, computed again by code that the solver does not use."""
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import la
+
+from elastune.app.body.body import Array, Problem
+from elastune.forms.energy import Energy
+from elastune.forms.evaluation import as_numpy
+from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.spectral.choice import needs_eigenvalues
+from elastune.forms.terms.potential import Loads, Potential
+
+
+def out_of_balance(problem: Problem) -> float:
+    """Norm of the residual at the problem's state, without loads, over what is not prescribed.
+
+    UFL's own derivative of ψ(F), or where ψ needs eigenvalues, whose closed form UFL cannot differentiate at
+    repeated stretches, the singular values of F in numpy.
+    """
+    if needs_eigenvalues(problem.energy, problem.u):
+        forces = _by_singular_values(problem)
+    else:
+        reference = Potential(problem.energy, problem.u, problem.quadrature, Loads(), assembly="ufl")
+        forces = problem.force_at(problem.state, reference.internal)
+    forces[problem.held] = 0.0
+    return problem.norm(forces)
+
+
+def _by_singular_values(problem: Problem) -> Array:
+    """∫P : ∂v/∂X dX with P = U diag(∂ψ/∂λ) Vᵀ, node by node."""
+    mesh, V, d = problem.geometry.mesh, problem.V, problem.dimension
+    points, weights = basix.make_quadrature(mesh.basix_cell(), problem.quadrature)
+    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
+    nodes = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, :d]
+    jacobian = np.einsum("cgi,kqg->cqik", nodes, _slopes(mesh.basix_cell(), mesh.geometry.cmap.degree, points))
+    volumes = np.abs(np.linalg.det(jacobian)) * weights
+    degree = V.element.basix_element.degree
+    slopes = np.einsum("kqa,cqkj->cqaj", _slopes(mesh.basix_cell(), degree, points), np.linalg.inv(jacobian))
+    dofs = V.dofmap.list[cells]
+    displacements = problem.u.x.array.reshape(-1, d)[dofs]
+    H = np.zeros((*volumes.shape, 3, 3))
+    H[..., :d, :d] = np.einsum("cai,cqaj->cqij", displacements, slopes)
+    P = _first_piola_kirchhoff(problem.energy, np.eye(3) + H)[..., :d, :d]
+    forces = la.vector(V.dofmap.index_map, V.dofmap.index_map_bs)
+    forces.array[:] = 0.0
+    np.add.at(forces.array.reshape(-1, d), dofs, np.einsum("cqij,cqaj,cq->cai", P, slopes, volumes))
+    forces.scatter_reverse(la.InsertMode.add)
+    forces.scatter_forward()
+    return forces.array
+
+
+def _slopes(cell: basix.CellType, degree: int, points: Array) -> Array:
+    """Gradients of the Lagrange basis on the reference cell, shape (d, points, nodes)."""
+    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
+    return basix.create_element(family, cell, degree, variant).tabulate(1, points)[1:, :, :, 0]
+
+
+def _first_piola_kirchhoff(energy: Energy, F: Array) -> Array:
+    """P of an isotropic energy, shape of F, (..., 3, 3); the smallest stretch carries the sign of J."""
+    U, stretches, Vt = np.linalg.svd(F)
+    sign = np.sign(np.linalg.det(F))
+    stretches[..., 2] *= sign
+    U[..., :, 2] *= sign[..., None]
+    s = [ufl.variable(ufl.as_ufl(1.0)) for _ in range(3)]
+    constants = [ufl.as_ufl(float(value)) for value in energy.constants()]
+    psi = ufl.as_ufl(energy.density(PrincipalStretches(s), energy.unpack(constants)))
+    slopes = as_numpy([ufl.diff(psi, x) for x in s], s)(*np.moveaxis(stretches, -1, 0))
+    p = np.stack([np.broadcast_to(slope, stretches.shape[:-1]) for slope in slopes], axis=-1)
+    return (U * p[..., None, :]) @ Vt

@@ -1,0 +1,1 @@
+"""Π as a sum of named terms."""
