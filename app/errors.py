@@ -1,6 +1,4 @@
-"""What goes wrong, by type: bad input is told in one line, and the solvers say where they stopped."""
-
-from typing import Any
+"""Bad input, which is told in one line."""
 
 
 class UserError(Exception):
@@ -9,18 +7,3 @@ class UserError(Exception):
 
 class SceneError(UserError):
     """A scene that cannot be run."""
-
-
-class NotConverged(Exception):
-    """The minimiser stopped short.
-
-    Attributes:
-        kind: One word: "undefined", "indefinite", "stalled", "iterations", "linear", "time",
-            "saddle", "crawling".
-        values: The state where it stopped, a vector of the problem, or None.
-    """
-
-    def __init__(self, kind: str, message: str, values: Any = None) -> None:
-        super().__init__(message)
-        self.kind = kind
-        self.values = values

@@ -1,41 +1,215 @@
-"""One scene from start to end: solve, record, write."""
+"""The one runner: a scene, or a body, from start to end."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 
-from elastune.app.body.body import Problem
-from elastune.app.errors import SceneError
-from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.body.body import Body
+from elastune.app.body.shapes import Start
+from elastune.app.errors import UserError
+from elastune.app.path.follow import PathFailure, Reached, Step, follow
 from elastune.app.results.diagnose import diagnose
-from elastune.app.results.folder import Output
+from elastune.app.results.fields import CELL_FIELDS, Fields
+from elastune.app.results.folder import Outputs, RunFolder
 from elastune.app.results.measures import Measures
-from elastune.app.results.record import Failure, Step, Summary
+from elastune.app.results.pictures import curve
+from elastune.app.results.record import Failure, Record, Summary
+from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
+from elastune.app.scene.write import text
+from elastune.app.solvers.options import Options
 from elastune.forms.normalize import linearize
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
 
 
 class Progress:
     """Who is told how a run goes: nobody, unless a subclass listens."""
 
-    def start(self, problem: Problem) -> None:
-        """The problem is about to be solved."""
+    def start(self, run: "Run") -> None:
+        """The body is about to be solved."""
 
     def increment(self, load: float, newton: int) -> None:
-        """A load increment has converged, after so many Newton steps of its load step."""
+        """A load increment has converged, after so many Newton steps of its recorded step."""
 
-    def step(self, step: Step) -> None:
-        """A load step has been recorded."""
+    def step(self, record: Record) -> None:
+        """A step has been recorded."""
+
+
+class Run:
+    """A body under load that is solved as it is iterated, record by record.
+
+    Attributes:
+        body: Holds the state of the record that was yielded last.
+        options: How it is solved.
+        summary: What is known of the run so far; its `failure` says why it ended early.
+        reason: Why the element was chosen, or nothing.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        options: Options | None = None,
+        start: Start | None = None,
+        steps: Sequence[Step] | None = None,
+        name: str = "body",
+        reason: str = "",
+        progress: Progress | None = None,
+    ) -> None:
+        """Solves nothing yet.
+
+        Args:
+            body: At rest.
+            options: How it is solved; the defaults unless given.
+            start: A shape to set out from.
+            steps: Parts of the load path; one to full load by default.
+            name: What people call it.
+            reason: Why the element was chosen.
+            progress: Told how it goes.
+        """
+        self.body, self.options = body, options or Options()
+        self._start, self._steps, self.reason = start, steps, reason
+        self.progress = progress or Progress()
+        self.summary = _summary(body, name)
+        self._records, self._begun = self._solve(), False
+
+    def __iter__(self) -> Iterator[Record]:
+        """What is not solved yet, record by record; a failure ends it."""
+        return self._records
+
+    def finish(self) -> "Run":
+        """Solves what is left."""
+        for _ in self:
+            pass
+        return self
+
+    # ------------------------------------------------------------------ results
+
+    @property
+    def history(self) -> dict[str, Array]:
+        """The records so far as arrays by quantity, shape (n,); of a run that was not iterated, all of them.
+
+        `reaction_FACE`, the forces of a held face, is of shape (n, d).
+        """
+        records = self._reached().summary.steps
+        names = [name for name in Record.__dataclass_fields__ if name != "reaction"]
+        columns = {name: np.array([getattr(record, name) for record in records]) for name in names}
+        forces = {face: [record.reaction[face] for record in records] for face in self.body.constraints.faces}
+        return columns | {f"reaction_{face}": np.array(own) for face, own in forces.items()}
+
+    def fields(self, *names: str) -> dict[str, Array]:
+        """Fields of the last state so far; of a run that was not iterated, those at its end.
+
+        Args:
+            names: "displacement", of the mesh's nodes that this rank owns, shape (n, 3), or names of `CELL_FIELDS`,
+                averages over the cells that it owns, shape (cells,), (cells, 3) or (cells, 3, 3).
+
+        Raises:
+            UserError: If there is no field of a name.
+        """
+        known = ("displacement", *CELL_FIELDS)
+        for name in names:
+            if name not in known:
+                raise UserError(f"field {name!r}: expected one of {', '.join(known)}")
+        fields = Fields(self._reached().body)
+        nodal = {"displacement": fields.displacement()} if "displacement" in names else {}
+        return nodal | fields.cells([name for name in names if name != "displacement"])
+
+    def plot(self) -> "Figure":
+        """The curve of the run: what the body does over what is done to it; not shown, and unknown to pyplot."""
+        labels, points = curve.points(self.body.conditions, self.body.force, self._reached().summary.steps)
+        return curve.draw(points, labels, self.summary.scene)
+
+    def _reached(self) -> "Run":
+        """Who asks for results without an iteration wants those of the whole run."""
+        return self if self._begun else self.finish()
+
+    # ------------------------------------------------------------------ solution
+
+    @cached_property
+    def _measures(self) -> Measures:
+        return Measures(self.body)
+
+    def _solve(self) -> Iterator[Record]:
+        self._begun = True
+        began = last = time.perf_counter()
+        self.progress.start(self)
+        try:
+            for reached in follow(self.body, self.options, self._start, self._steps, self.progress.increment):
+                now = time.perf_counter()
+                record = self._record(reached, now - last)
+                last = now
+                self.summary.steps.append(record)
+                self.summary.wall_s = now - began
+                yield record
+        except PathFailure as failure:
+            self.summary.status = "failed"
+            found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
+            self.summary.failure = Failure(failure.kind, str(failure), failure.load, found)
+        self.summary.wall_s = time.perf_counter() - began
+
+    def _record(self, reached: Reached, seconds: float) -> Record:
+        measures = self._measures
+        return Record(
+            load=reached.load,
+            energy=self.body.assembly.energy(reached.state),
+            reaction=measures.reactions(),
+            volume_ratio=measures.volume_ratio(),
+            min_J=measures.min_J(),
+            newton_iterations=reached.newton,
+            linear_iterations=reached.linear,
+            wall_s=seconds,
+            number=reached.number,
+            name=reached.name,
+            max_displacement=measures.largest_displacement(),
+        )
+
+
+def start(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | None = None) -> Run:
+    """A run of a scene.
+
+    Raises:
+        UserError: If the scene is impossible.
+    """
+    body, reason = build.build(scene, comm)
+    name = scene.name
+    run = Run(body, build.options(scene), build.start(scene), None, name, reason, progress)
+    run.summary.material["name"] = scene.material.name
+    run.summary.material["alpha"] = 1.0 if scene.material.alpha is None else scene.material.alpha
+    return run
+
+
+def _summary(body: Body, name: str) -> Summary:
+    at_rest = linearize(body.energy)
+    return Summary(
+        scene=name,
+        status="converged",
+        failure=None,
+        material={
+            "name": body.energy.name,
+            "parameters": dict(body.energy.values),
+            "E": at_rest.youngs_modulus,
+            "nu": at_rest.poissons_ratio,
+            "alpha": 1.0,
+        },
+        element=body.element,
+        cells=body.geometry.cells_count,
+        dofs=body.size,
+        ranks=body.comm.size,
+    )
 
 
 def run(
-    scene: Scene,
-    folder: Path,
-    comm: MPI.Comm = MPI.COMM_WORLD,
-    progress: Progress | None = None,
-    options: Sequence[str] = (),
+    scene: Scene, folder: Path, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | None = None
 ) -> tuple[Summary, list[Path]]:
     """Solves a scene and writes its results.
 
@@ -44,7 +218,6 @@ def run(
         folder: Where the results go; made if needed.
         comm: All ranks of it take part.
         progress: Told how it goes.
-        options: PETSc's options, as on a command line.
 
     Returns:
         What `summary.json` says, and the files written (on rank 0).
@@ -53,72 +226,12 @@ def run(
         UserError: If the scene or the folder is impossible; nothing has been written then.
     """
     began = time.perf_counter()
-    progress = progress or Progress()
-    output = Output(folder, scene, comm)
-    _set_petsc_options(options)
-    try:
-        problem = Problem(scene, comm)
-    except SceneError as error:
-        raise SceneError(f"{scene.name}.toml: {error}") from None
-    measures = Measures(problem)
-    progress.start(problem)
-    summary = _summary(problem)
-    output.start(problem.u, problem.energy, scene.material.extension, problem.quadrature, problem.mixed)
-    last = time.perf_counter()
-    try:
-        for state in follow(problem, progress.increment):
-            now = time.perf_counter()
-            step = _record(problem, measures, state, now - last)
-            last = now
-            summary.steps.append(step)
-            output.step(step)
-            progress.step(step)
-    except LoadFailure as failure:
-        summary.status = "failed"
-        found = diagnose(problem, failure.values, failure.kind)
-        summary.failure = Failure(failure.kind, str(failure), failure.load, found)
-    summary.wall_s = time.perf_counter() - began
-    return summary, output.finish(summary)
-
-
-def _record(problem: Problem, measures: Measures, state: State, seconds: float) -> Step:
-    return Step(
-        load=state.load,
-        energy=problem.energy_at(state.values),
-        reaction=measures.reactions(),
-        volume_ratio=measures.volume_ratio(),
-        min_J=measures.min_J(),
-        newton_iterations=state.newton,
-        linear_iterations=state.linear,
-        wall_s=seconds,
-    )
-
-
-def _summary(problem: Problem) -> Summary:
-    scene = problem.scene
-    at_rest = linearize(problem.energy)
-    return Summary(
-        scene=scene.name,
-        status="converged",
-        failure=None,
-        material={
-            "name": scene.material.name,
-            "parameters": dict(problem.energy.values),
-            "E": at_rest.youngs_modulus,
-            "nu": at_rest.poissons_ratio,
-            "alpha": 1.0 if scene.material.alpha is None else scene.material.alpha,
-        },
-        element=problem.element,
-        cells=problem.geometry.cells_count,
-        dofs=problem.size,
-        ranks=problem.comm.size,
-    )
-
-
-def _set_petsc_options(options: Sequence[str]) -> None:
-    """Puts `-name value` pairs into PETSc's database, before any object reads it."""
-    if not options:
-        return
-    from petsc4py import PETSc
-
-    PETSc.Options().insertString(" ".join(options))
+    outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.picture)
+    results = RunFolder(folder, outputs, comm)
+    solving = start(scene, comm, progress)
+    results.start(solving.body, text(scene, solving.body.element))
+    for record in solving:
+        results.step(record)
+        solving.progress.step(record)
+    solving.summary.wall_s = time.perf_counter() - began
+    return solving.summary, results.finish(solving.summary)

@@ -246,40 +246,58 @@ def material(
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Registers a function `psi(measures, parameters..., *, options...)` that returns ψ or its `Parts`.
 
-    The annotations of the parameters carry their bounds, the defaults their values.
-
     Raises:
         TypeError: If the signature does not declare what the catalogue needs.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        signature = list(inspect.signature(function).parameters.values())[1:]
-        parameters = []
-        for entry in signature:
-            if entry.kind is entry.KEYWORD_ONLY:
-                if entry.name not in options or entry.default != next(iter(options[entry.name])):
-                    raise TypeError(f"{name}: option {entry.name} must default to its first declared choice")
-                continue
-            bounds = [extra for extra in get_args(entry.annotation) if isinstance(extra, Bounds)]
-            if not bounds or entry.default is entry.empty:
-                raise TypeError(f"{name}: parameter {entry.name} needs a bounds annotation and a default")
-            parameters.append(Parameter(entry.name, entry.default, bounds[0]))
-        formula, _, notes = inspect.cleandoc(function.__doc__ or "").partition("\n")
-        if not formula:
+        entry = describe(function, name, source, inverts=inverts, pair=pair, options=options)
+        if not entry.formula:
             raise TypeError(f"{name}: the docstring must begin with ψ")
-        CATALOGUE[name] = Material(
-            name,
-            function,
-            formula,
-            notes.strip(),
-            source,
-            tuple(parameters),
-            {key: tuple(choices) for key, choices in options.items()},
-            tuple(pair) or tuple(p.name for p in parameters if p.name in ("lam", "mu")),
-            lame,
-            inverts,
-            objective,
-        )
+        CATALOGUE[name] = replace(entry, lame=lame, objective=objective)
         return function
 
     return register
+
+
+def describe(
+    function: Callable[..., Any],
+    name: str,
+    source: str = "",
+    *,
+    inverts: bool,
+    pair: Iterable[str] = (),
+    options: Mapping[str, Iterable[str]] | None = None,
+) -> Material:
+    """What a function's signature and docstring say of its material.
+
+    The annotations of the parameters carry their bounds, the defaults their values.
+
+    Raises:
+        TypeError: If the signature does not declare them.
+    """
+    choices = {key: tuple(values) for key, values in (options or {}).items()}
+    parameters = []
+    for entry in list(inspect.signature(function, eval_str=True).parameters.values())[1:]:
+        if entry.kind is entry.KEYWORD_ONLY:
+            if entry.name not in choices or entry.default != choices[entry.name][0]:
+                raise TypeError(f"{name}: option {entry.name} must default to its first declared choice")
+            continue
+        bounds = [extra for extra in get_args(entry.annotation) if isinstance(extra, Bounds)]
+        if not bounds or entry.default is entry.empty:
+            raise TypeError(f"{name}: parameter {entry.name} needs a bounds annotation and a default")
+        parameters.append(Parameter(entry.name, entry.default, bounds[0]))
+    formula, _, notes = inspect.cleandoc(function.__doc__ or "").partition("\n")
+    return Material(
+        name,
+        function,
+        formula,
+        notes.strip(),
+        source,
+        tuple(parameters),
+        choices,
+        tuple(pair) or tuple(p.name for p in parameters if p.name in ("lam", "mu")),
+        None,
+        inverts,
+        True,
+    )

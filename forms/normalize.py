@@ -177,6 +177,8 @@ def calibrate(
         target[0] = E
     values, options = material.check(given or {})
     moduli = [parameter for parameter in material.parameters if parameter.bounds.modulus]
+    if not moduli:
+        raise MaterialError(f"{material.name}: has no modulus to calibrate; expected neither E nor nu")
     defaults = material.energy(**options)
     modulus = check_rest(defaults).youngs_modulus
     start = defaults.with_values({p.name: _scale(p.default, E / modulus) for p in moduli} | values)

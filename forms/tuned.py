@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from elastune.forms.energy import Energy, MaterialError
+from elastune.forms.energy import Energy, Material, MaterialError
 from elastune.forms.materials import get
 from elastune.forms.normalize import calibrate as calibrate_material
 from elastune.forms.normalize import check_rest, lame_pair
@@ -11,7 +11,7 @@ from elastune.forms.tuning import with_nonlinearity, with_separate_nonlinearity,
 
 
 def tuned_energy(
-    name: str,
+    name: str | Material,
     E: float | None = None,
     nu: float | None = None,
     alpha: float | None = None,
@@ -25,7 +25,7 @@ def tuned_energy(
     """The energy of a material with the Lamé pair of E and ν and the given nonlinearity.
 
     Args:
-        name: Name in the catalogue.
+        name: Name in the catalogue, or an entry of no catalogue.
         E: Young's modulus, in the unit of stress; without E and nu the parameters stand as given.
         nu: Poisson's ratio.
         alpha: Nonlinearity exponent of the whole energy (Chen & Barbič, Eq. 16).
@@ -39,7 +39,7 @@ def tuned_energy(
     Raises:
         MaterialError: If the material cannot be what is asked for.
     """
-    material = get(name)
+    material = get(name) if isinstance(name, str) else name
     given = dict(parameters or {})
     if (E is None) != (nu is None):
         missing = "nu" if nu is None else "E"

@@ -1,18 +1,21 @@
 """Studies: their files, what becomes of them, and what is read off their results."""
 
+import csv
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+import bodies
 import numpy as np
 import pytest
 
 from elastune.app.errors import UserError
+from elastune.app.results.quantities import at_point, force, moment
+from elastune.app.scene.read import SHIPPED
 from elastune.app.studies.cases import cases, overkill
 from elastune.app.studies.orders import fitted_order, limit, price
+from elastune.app.studies.records import Records, key
 from elastune.app.studies.schema import load_study, shipped
-from elastune.app.studies.store import Records
 from elastune.forms.energy import CATALOGUE
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -90,8 +93,9 @@ def test_bad_studies_end_with_status_2(elastune: Command, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("name", shipped())
 def test_shipped_studies_are_sound(name: str) -> None:
-    found = cases(load_study(name))
-    assert len({(case.solver, case.ranks, case.key) for case in found}) == len(found)
+    study = load_study(name)
+    found = cases(study)
+    assert len({key(study, case) for case in found}) == len(found)
 
 
 def test_shipped_studies_are_listed(elastune: Command) -> None:
@@ -109,7 +113,7 @@ def test_cases_and_their_names(tmp_path: Path) -> None:
     found = cases(study)
     assert [case.curve for case in found] == ["ours, ν = 0.2"] * 2 + ["ours, ν = 0.3"] * 2
     assert [case.scene.mesh.cells for case in found] == [1, 2, 1, 2]
-    assert "material.nu=0.2 mesh.cells=1" in found[0].key
+    assert "material.nu=0.2 mesh.cells=1" in found[0].line
     (reference,) = overkill(study, found[2])
     assert reference["solve.element"] == "Q2" and reference["material.nu"] == 0.3
     with_panels = load_study(write(tmp_path, GOOD.replace("[quan", 'panels = "material.nu"\n[quan', 1)))
@@ -141,26 +145,49 @@ def test_price_takes_no_credit_for_luck() -> None:
     assert price(points, 1e-4) == float("inf")
 
 
+def test_forces_and_moments_of_all_faces_balance() -> None:
+    """Of a twisted cube that nothing else holds; and the node nearest to a point tells how far it has moved."""
+    run = bodies.shipped("cube-twist", "mesh.cells=3", "solve.steps=2", "solve.tolerance=1e-11", "output.picture=false")
+    body = run.body
+    forces = body.layout.nodal(body.assembly.residual(body.state))
+    faces = body.constraints.faces.values()
+    for total in (force, moment):
+        each = [total(body.u, forces, nodes) for nodes in faces]
+        assert np.linalg.norm(each[0]) > 1e-3
+        assert sum(each) == pytest.approx(np.zeros(3), abs=1e-9)
+    X = body.V.tabulate_dof_coordinates()
+    moved = body.u.x.array.reshape(-1, 3)
+    for node in (0, 17, len(X) - 1):
+        assert at_point(body.u, (X[node] + 0.05).tolist()) == pytest.approx(moved[node], abs=1e-14)
+
+
 # ---------------------------------------------------------------------- records
 
 
-def test_records_survive_a_crash_and_refuse_strangers(tmp_path: Path) -> None:
-    path = tmp_path / "cases.csv"
-    entries: dict[str, Any] = dict.fromkeys(
-        ("curve", "settings", "message", "element", "cells", "dofs", "newton", "memory_mb"), "1"
-    )
-    entries |= {"solver": "elastune", "ranks": 1, "repeat": 1, "status": "converged", "seconds": 0.25}
-    Records(path, ["energy", "force"]).append(entries, {"force": 1 / 3})
-    with path.open("a") as file:
-        file.write("half a r")
-    (record,) = Records(path, ["energy", "force"]).all
-    assert record.values == {"force": 1 / 3}
-    assert record.seconds == 0.25 and record.converged
-    with pytest.raises(UserError, match="another study"):
-        Records(path, ["energy", "torque"])
+def test_old_results_are_not_taken_for_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of another scene under the same settings, and of another version."""
+    study = load_study(write(tmp_path, GOOD))
+    records = Records(study, tmp_path)
+    case = cases(study)[0]
+    entries = dict.fromkeys(("curve", "settings", "element", "cells", "dofs", "newton"), "1")
+    records.append(case, entries | {"status": "converged", "seconds": 1.0, "memory_mb": 1.0}, {"force": 0.5})
+    assert [record.values for record in Records(study, tmp_path).of(case)] == [{"force": 0.5}]
+    edited = load_study(write(tmp_path, GOOD.replace("0.1, 0.0, 0.0", "0.2, 0.0, 0.0")))
+    assert cases(edited)[0].curve == case.curve
+    assert Records(edited, tmp_path).of(cases(edited)[0]) == []
+    monkeypatch.setattr("elastune.app.scene.write.__version__", "99")
+    assert Records(study, tmp_path).of(case) == []
 
 
 # ---------------------------------------------------------------------- from end to end
+
+
+def runs_in(path: Path, name: str) -> list[dict[str, str]]:
+    """Rows of a study's table that have a value."""
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert all(row[name] for row in rows)
+    return rows
 
 
 def test_a_study_is_run_once(elastune: Command, tmp_path: Path) -> None:
@@ -181,18 +208,40 @@ def test_a_study_is_run_once(elastune: Command, tmp_path: Path) -> None:
     }  # fmt: skip
     for name, path in written.items():
         assert 0 < path.stat().st_size < 200_000, name
-    records = Records(written["cases.csv"], ["energy", "volume_ratio", "force"]).all
+    records = runs_in(written["cases.csv"], "force")
     # Two solvers, one discretisation.
     ours, theirs = (
-        [r.values["force"] for r in records if r.entries["curve"] == curve] for curve in ("ours, ν = 0.3", "tutorial")
+        [float(r["force"]) for r in records if r["curve"] == curve] for curve in ("ours, ν = 0.3", "tutorial")
     )
     assert len(ours) == 2
     assert ours == pytest.approx(theirs, rel=1e-7)
-    assert all(float(r.entries["memory_mb"]) > 50 and r.seconds > 0 for r in records)
+    assert all(float(r["memory_mb"]) > 50 and float(r["seconds"]) > 0 for r in records)
 
     again = elastune("converge", study, "--out", "here")
     assert again.returncode == 0
     assert again.stdout.splitlines() == [last]
+
+
+def test_a_study_that_changed_is_run_again(elastune: Command, tmp_path: Path) -> None:
+    """The base scene under the same settings: old rows stay in the raw table and reach no other."""
+    stated = "stated = [{ values = { force = 0.5 } }]"
+    text = GOOD.replace('overkill = { solve.element = "Q2", mesh.cells = 2 }', stated).replace("[0.2, 0.3]", "[0.2]")
+    here = tmp_path / "here"
+    base = (SHIPPED / "cube-pull.toml").read_text()
+    (tmp_path / "base.toml").write_text(base)
+    study = write(tmp_path, text.replace('"cube-pull"', '"base.toml"'))
+    forces, tables = [], []
+    for modulus in (1.0, 2.0):
+        (tmp_path / "base.toml").write_text(base.replace("E = 1.0", f"E = {modulus}"))
+        done = elastune("converge", study, "--out", "here")
+        assert done.returncode == 0, done.stderr
+        assert len(done.stdout.splitlines()) == 3
+        forces.append([float(row["force"]) for row in runs_in(here / "cases.csv", "force")][-2:])
+        tables.append([float(row["error_force"]) for row in runs_in(here / "errors.csv", "error_force")])
+    assert len(runs_in(here / "cases.csv", "force")) == 4
+    assert forces[1] == pytest.approx([2 * value for value in forces[0]], rel=1e-6)
+    for found, table in zip(forces, tables, strict=True):
+        assert table == pytest.approx([abs(value / 0.5 - 1) for value in found])
 
 
 def test_what_takes_too_long_is_given_up(elastune: Command, tmp_path: Path) -> None:
@@ -222,10 +271,9 @@ ranks = 2
 """
     done = elastune("converge", write(tmp_path, study), "--out", "here")
     assert done.returncode == 0, done.stderr
-    one, two = Records(
-        tmp_path / "here" / "cases.csv", ["energy", "volume_ratio", "l2", "h1", "stress", "pressure"]
-    ).all
-    assert one.values == pytest.approx(two.values, rel=1e-8)
+    one, two = runs_in(tmp_path / "here" / "cases.csv", "l2")
+    for name in ("energy", "volume_ratio", "l2", "h1", "stress"):
+        assert float(one[name]) == pytest.approx(float(two[name]), rel=1e-8)
     refused = elastune("converge", write(tmp_path, study), ranks=2)
     assert refused.returncode == 2
     assert "ranks" in refused.stderr

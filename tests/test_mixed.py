@@ -4,27 +4,30 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bodies
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from elastune.app.body.body import Problem
+from elastune.app.body.body import Body
+from elastune.app.body.unknowns import State
 from elastune.app.errors import SceneError
-from elastune.app.path.follow import LoadFailure, follow
 from elastune.app.results.fields import Fields
 from elastune.app.results.measures import Measures
+from elastune.app.run import Run, start
 from elastune.app.scene.read import parse
 from elastune.app.scene.schema import Scene
-from elastune.app.solvers.linear.blocks import Blocks, Convexity
+from elastune.app.solvers.options import Options
+from elastune.app.solvers.tangent import Tangent
 from elastune.forms.elements import ELEMENTS, Element, Pressure, choose
 from elastune.forms.energy import CATALOGUE, MaterialError
 from elastune.forms.evaluation import as_numpy
 from elastune.forms.kinematics import PrincipalStretches, deformation_gradient
 from elastune.forms.materials.functions import ENERGIES
 from elastune.forms.normalize import linearize
-from elastune.forms.terms.mixed import MixedPotential, mixed_response
+from elastune.forms.terms import mixed_response
 from elastune.forms.tuned import tuned_energy
 from elastune.forms.uniaxial import uniaxial
 from elastune.forms.volumetric import split
@@ -47,20 +50,22 @@ def scene(element: str, nu: float, boundary: Tables, cells: int = 2, **tables: T
     return parse(data, Path("test.toml"))
 
 
-def problem(*arguments: Any, **tables: Any) -> Problem:
-    return Problem(scene(*arguments, **tables), MPI.COMM_SELF)
+def problem(*arguments: Any, **tables: Any) -> Body:
+    return bodies.made(scene(*arguments, **tables))
 
 
-def newton_steps(made: Problem) -> int:
+def newton_steps(given: Body, steps: int = 1, tolerance: float = 1e-11) -> int:
     """Solves; the Newton steps that it took."""
-    return sum(state.newton for state in follow(made))
+    run = Run(given, Options(steps=steps, tolerance=tolerance)).finish()
+    assert run.summary.failure is None, run.summary.failure
+    return bodies.newton_steps(run)
 
 
-def reaction(made: Problem) -> float:
-    return Measures(made).reactions()["right"][0]
+def reaction(given: Body) -> float:
+    return Measures(given).reactions()["right"][0]
 
 
-def distort(made: Problem) -> None:
+def distort(made: Body) -> None:
     """Moves the vertices within the body at random."""
     points = made.geometry.mesh.geometry.x
     d = made.dimension
@@ -161,18 +166,19 @@ def test_tangent_is_the_derivative_of_the_residual_of_the_energy(element: str) -
     rng = np.random.default_rng(3)
     x, d = 0.01 * rng.normal(size=(2, made.size))
     d[made.held] = 0.0
-    assert isinstance(made.potential, MixedPotential)
-    tangent, step = Blocks(made, made.potential), 1e-6
-    made.set_state(x)
-    tangent.assemble(Convexity("none", 0.0))
-    product, direction = tangent.matrix.createVecs()
-    direction.array[:] = d
+    tangent, step = Tangent(made), 1e-6
+    tangent.assemble(State(x.copy()))
+    product, direction = tangent.vector(), tangent.vector(d)
     tangent.matrix.mult(direction, product)
-    difference = (made.residual_at(x + step * d) - made.residual_at(x - step * d)) / (2 * step)
+
+    def residual(at: np.ndarray) -> np.ndarray:
+        return made.assembly.residual(State(at))
+
+    difference = (residual(x + step * d) - residual(x - step * d)) / (2 * step)
     free = ~made.held
     assert np.abs(difference - product.array)[free].max() < 1e-7 * np.abs(difference).max()
-    slope = (made.energy_at(x + step * d) - made.energy_at(x - step * d)) / (2 * step)
-    assert slope == pytest.approx(d @ made.residual_at(x), rel=1e-7)
+    ends = [made.assembly.energy(State(x + sign * step * d)) for sign in (1, -1)]
+    assert (ends[0] - ends[1]) / (2 * step) == pytest.approx(d @ residual(x), rel=1e-7)
 
 
 # ---------------------------------------------------------------------- homogeneous states
@@ -199,7 +205,7 @@ def test_uniaxial_tension_is_exact_on_distorted_meshes(element: str, nu: float) 
     assert np.abs(u - points * np.array([stretch - 1, width - 1, width - 1])).max() < 1e-8
     assert Measures(made).min_J() == pytest.approx(stretch * width**2, rel=1e-8)
     if nu == 0.5:
-        cells = Fields(made.u, made.energy, None, made.quadrature, made.mixed).cells(["stress", "pressure", "energy"])
+        cells = Fields(made).cells(["stress", "pressure", "energy"])
         assert np.abs(cells["stress"] - np.diag([stretch * stress, 0.0, 0.0])).max() < 1e-8
         assert np.abs(cells["pressure"] + stretch * stress / 3).max() < 1e-8
         assert np.abs(cells["energy"] - mu / 2 * (stretch**2 + 2 / stretch - 3)).max() < 1e-8
@@ -249,13 +255,13 @@ def test_other_materials_under_uniaxial_tension(name: str) -> None:
 # ---------------------------------------------------------------------- near ν = 0.5
 
 
-def strain_of_volume(made: Problem) -> float:
+def strain_of_volume(made: Body) -> float:
     """‖J - 1‖ in L²."""
     J = ufl.det(deformation_gradient(made.u))
     return float(np.sqrt(fem.assemble_scalar(fem.form((J - 1) ** 2 * ufl.dx(metadata={"quadrature_degree": 4})))))
 
 
-def oscillation(made: Problem) -> float:
+def oscillation(made: Body) -> float:
     """What a local average takes away from the pressure, relative to its variation: ‖p - Ap‖ / ‖p - mean p‖.
 
     Ap has the average of p over each vertex's patch as its vertex values: O(h) away from a smooth p, while of
@@ -284,8 +290,8 @@ def test_nothing_degrades_towards_one_half(element: str) -> None:
     """Cube pulled to twice its length: reaction, volume and Newton steps at ν = 0.3, 0.4999 and 0.5."""
     errors, volumes, steps = {}, {}, {}
     for nu, limit in LIMITS.items():
-        made = [problem(element, nu, PULL, cells, solve={"steps": 2}) for cells in PULLED[element]]
-        steps[nu] = sum(newton_steps(each) for each in made)
+        made = [problem(element, nu, PULL, cells) for cells in PULLED[element]]
+        steps[nu] = sum(newton_steps(each, 2, 1e-8) for each in made)
         errors[nu] = [reaction(each) / limit - 1 for each in made]
         volumes[nu] = [strain_of_volume(each) for each in made]
     for nu in (0.4999, 0.5):
@@ -344,9 +350,8 @@ def test_linear_solvers_agree() -> None:
     reactions = []
     for linear in ("direct", "iterative"):
         for element in ("P2-P1", "Q2-P1d"):
-            made = problem(element, 0.5, PULL, 3, solve={"linear": linear, "steps": 4, "tolerance": 1e-10})
-            newton_steps(made)
-            reactions.append(reaction(made))
+            run = bodies.solved(scene(element, 0.5, PULL, 3, solve={"linear": linear, "steps": 4, "tolerance": 1e-10}))
+            reactions.append(run.summary.steps[-1].reaction["right"][0])
     assert reactions[:2] == pytest.approx(reactions[2:], rel=1e-9)
 
 
@@ -378,9 +383,8 @@ def test_incompressible_twist() -> None:
 
 
 def test_time_limit() -> None:
-    with pytest.raises(LoadFailure) as failure:
-        newton_steps(problem("Q2-P1d", 0.5, PULL, solve={"time_limit": 1e-6}))
-    assert failure.value.kind == "time"
+    failure = bodies.ended(scene("Q2-P1d", 0.5, PULL, solve={"time_limit": 1e-6})).summary.failure
+    assert failure is not None and failure.kind == "time"
 
 
 # ---------------------------------------------------------------------- the choice
@@ -400,9 +404,9 @@ def test_time_limit() -> None:
     ],
 )
 def test_automatic_choice(nu: float, tables: Tables, expected: str) -> None:
-    made = problem("auto", nu, PULL, 1, **tables)
-    assert made.element == expected
-    assert made.reason
+    run = start(scene("auto", nu, PULL, 1, **tables), MPI.COMM_SELF)
+    assert run.body.element == expected
+    assert run.reason
 
 
 def test_automatic_choice_on_many_cells() -> None:

@@ -5,20 +5,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bodies
 import numpy as np
 import pytest
-from mpi4py import MPI
-from petsc4py import PETSc
+from bodies import free_stiffness, made, newton_steps, nodal, shipped
 from scipy.linalg import eigvalsh
-from scipy.sparse import csr_matrix
 
-from elastune.app.body.body import Problem
-from elastune.app.body.shapes import started
-from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.body.body import Body
+from elastune.app.body.shapes import Start, started
+from elastune.app.body.unknowns import State
+from elastune.app.path.follow import PathFailure, follow
 from elastune.app.results.diagnose import diagnose
-from elastune.app.results.measures import Measures
+from elastune.app.scene.build import options, start
 from elastune.app.scene.read import load
-from elastune.app.solvers.tangent import Tangent
+from elastune.app.solvers.options import Options
 from elastune.app.verify.independent import out_of_balance
 
 HEX, TET = ["mesh.cell=hexahedron", "solve.element=Q1"], ["mesh.cell=tetrahedron", "solve.element=P1"]
@@ -26,17 +26,12 @@ HEX2, TET2 = ["mesh.cell=hexahedron", "solve.element=Q2"], ["mesh.cell=tetrahedr
 BARRIER = "material.name=stable-neo-hookean-barrier"
 
 
-def solve(name: str, *overrides: str) -> tuple[Problem, list[State]]:
-    problem = Problem(load(name, overrides), MPI.COMM_SELF)
-    return problem, list(follow(problem))
-
-
 def steps_home(name: str, *overrides: str) -> int:
     """Newton steps to the shape at rest; the test fails if the body ends elsewhere."""
-    problem, states = solve(name, *overrides)
-    assert np.abs(problem.state).max() < 1e-8, overrides
-    assert out_of_balance(problem) < 1e-8
-    return sum(state.newton for state in states)
+    run = shipped(name, *overrides)
+    assert np.abs(run.body.state.values).max() < 1e-8, overrides
+    assert out_of_balance(run.body) < 1e-8
+    return newton_steps(run)
 
 
 # ---------------------------------------------------------------------- twist
@@ -44,12 +39,12 @@ def steps_home(name: str, *overrides: str) -> int:
 
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_twist_by_half_a_turn(linear: str) -> None:
-    _, (quarter, half) = solve("cube-twist", "solve.tolerance=1e-10", f'solve.linear="{linear}"')
+    quarter, half = shipped("cube-twist", "solve.tolerance=1e-10", f'solve.linear="{linear}"').summary.steps
     assert (quarter.load, half.load) == (0.5, 1.0)
-    assert quarter.newton <= 12
-    assert half.newton <= 14
-    assert quarter.linear <= 700
-    assert half.linear <= 900
+    assert quarter.newton_iterations <= 12
+    assert half.newton_iterations <= 14
+    assert quarter.linear_iterations <= 700
+    assert half.linear_iterations <= 900
 
 
 @pytest.mark.parametrize(
@@ -57,15 +52,15 @@ def test_twist_by_half_a_turn(linear: str) -> None:
     [("stable-neo-hookean", (0.0636284974, 0.260457354)), ("fixed-corotational", (0.0657089823, 0.286787029))],
 )
 def test_twist_energies(material: str, energies: tuple[float, float]) -> None:
-    problem, states = solve("cube-twist", "solve.tolerance=1e-10", f"material.name={material}")
-    assert [problem.energy_at(state.values) for state in states] == pytest.approx(energies, rel=1e-8)
+    run = shipped("cube-twist", "solve.tolerance=1e-10", f"material.name={material}")
+    assert [record.energy for record in run.summary.steps] == pytest.approx(energies, rel=1e-8)
 
 
 def test_twist_ends_symmetric_where_cells_buckle() -> None:
     """At nu = 0.3 on few cells the twisted cube has a saddle point, at which filtered steps end or crawl."""
-    _, states = solve("cube-twist", "mesh.cells=4", "material.nu=0.3", "solve.tolerance=1e-10")
-    assert states[-1].load == 1.0
-    assert states[-1].newton <= 60
+    *_, last = shipped("cube-twist", "mesh.cells=4", "material.nu=0.3", "solve.tolerance=1e-10").summary.steps
+    assert last.load == 1.0
+    assert last.newton_iterations <= 60
 
 
 # ---------------------------------------------------------------------- scramble
@@ -113,14 +108,12 @@ def test_scramble_is_the_same_on_any_number_of_ranks(solved: Callable[..., Any])
 
 
 def test_scramble_fills_twice_the_volume() -> None:
-    scene = load("scramble")
-    problem = Problem(scene, MPI.COMM_SELF)
-    assert scene.start is not None
-    places = problem.V.tabulate_dof_coordinates() + started(problem, scene.start).reshape(-1, 3)
+    body = made(load("scramble"))
+    places = body.points + started(body, Start("scramble")).reshape(-1, 3)
     edge = 2 ** (1 / 3)
     assert np.abs(places - 0.5).max() <= edge / 2
     assert np.ptp(places, axis=0) == pytest.approx(edge, rel=0.01)
-    assert problem.held.sum() == 12
+    assert body.held.sum() == 12
 
 
 # ---------------------------------------------------------------------- collapse
@@ -148,27 +141,20 @@ COLUMN = [
 ]  # fmt: skip
 
 
-def least_eigenvalue(problem: Problem) -> float:
-    """Of the tangent at the problem's state, between the free displacements."""
-    tangent = Tangent(problem, PETSc.KSP().create(problem.comm))
-    tangent.assemble("none")
-    rows, columns, entries = tangent.matrix.getValuesCSR()
-    free = ~problem.held
-    return float(eigvalsh(csr_matrix((entries, columns, rows)).toarray()[free][:, free], subset_by_index=[0, 0])[0])
+def least_eigenvalue(body: Body) -> float:
+    """Of the tangent at the body's state, between the free displacements."""
+    return float(eigvalsh(free_stiffness(body), subset_by_index=[0, 0])[0])
 
 
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_column_buckles(linear: str) -> None:
     """The straight column is in balance, but no minimum."""
-    problem, states = solve("squeeze", *COLUMN, f"solve.linear={linear}")
-    assert states[-1].load == 1.0
-    assert least_eigenvalue(problem) > 0
-    sideways = np.abs(problem.state.reshape(-1, 3)[:, :2]).max()
-    assert sideways > 1
-    straight = problem.state.copy()
-    straight.reshape(-1, 3)[:] = 0
-    straight[2::3] = -0.15 * problem.V.tabulate_dof_coordinates()[:, 2]
-    assert problem.energy_at(problem.state) < 0.5 * problem.energy_at(straight)
+    body = shipped("squeeze", *COLUMN, f"solve.linear={linear}").body
+    assert least_eigenvalue(body) > 0
+    assert np.abs(nodal(body)[:, :2]).max() > 1
+    straight = np.zeros_like(nodal(body))
+    straight[:, 2] = -0.15 * body.points[:, 2]
+    assert body.assembly.energy(body.state) < 0.5 * body.assembly.energy(State(straight.ravel(), 1.0))
 
 
 def test_column_buckles_on_any_number_of_ranks(solved: Callable[..., Any]) -> None:
@@ -183,9 +169,7 @@ def test_column_buckles_on_any_number_of_ranks(solved: Callable[..., Any]) -> No
 def test_squeezed_cube_buckles(material: str, nu: float) -> None:
     """Its sides fold at some load; filtered steps then crawl along the saddle point that the unfolded shape is."""
     settings = ["mesh.cells=4", "solve.smallest_step=0.01", f"material.name={material}", f"material.nu={nu}"]
-    problem, states = solve("squeeze", *settings)
-    assert states[-1].load == 1.0
-    assert least_eigenvalue(problem) > 0
+    assert least_eigenvalue(shipped("squeeze", *settings).body) > 0
 
 
 # ---------------------------------------------------------------------- the stretched cylinder
@@ -195,8 +179,8 @@ def test_stable_neo_hookean_keeps_its_volume_best() -> None:
     changes = {}
     for name in ("stable-neo-hookean", "fixed-corotational", "neo-hookean"):
         extension = ["material.extension=0.25"] if name == "neo-hookean" else []
-        problem, _ = solve("cylinder-stretch", f"material.name={name}", *extension)
-        changes[name] = abs(Measures(problem).volume_ratio() - 1)
+        run = shipped("cylinder-stretch", f"material.name={name}", *extension)
+        changes[name] = abs(run.summary.steps[-1].volume_ratio - 1)
     assert min(changes, key=changes.__getitem__) == "stable-neo-hookean"
     assert max(changes.values()) < 0.05
 
@@ -237,10 +221,10 @@ def test_failure_has_a_diagnosis_and_the_last_good_state(solved: Callable[..., A
 
 def diagnosis_of(name: str, *overrides: str, kind: str = "stalled", scale: float = 0.0) -> dict[str, Any]:
     """Of the shape at rest, or of one compressed along x."""
-    problem = Problem(load(name, overrides), MPI.COMM_SELF)
-    values = np.zeros_like(problem.state)
-    values[::3] = -scale * problem.V.tabulate_dof_coordinates()[:, 0]
-    return diagnose(problem, values, kind)
+    body = made(load(name, overrides))
+    values = np.zeros_like(nodal(body))
+    values[:, 0] = -scale * body.points[:, 0]
+    return diagnose(body, Options(), State(values.ravel()), kind)
 
 
 def test_diagnosis_finds_inverted_cells() -> None:
@@ -271,19 +255,18 @@ def test_diagnosis_finds_energies_that_grow_too_slowly() -> None:
 
 
 def test_time_limit() -> None:
-    problem = Problem(load("scramble", ["solve.time_limit=0.05"]), MPI.COMM_SELF)
-    with pytest.raises(LoadFailure) as caught:
-        list(follow(problem))
+    given = load("scramble", ["solve.time_limit=0.05"])
+    with pytest.raises(PathFailure) as caught:
+        list(follow(made(given), options(given), start(given)))
     assert caught.value.kind == "time"
-    assert caught.value.values is not None
+    assert caught.value.state is not None
 
 
 def test_independent_residual_agrees_with_the_kernel() -> None:
     """At a random state: by UFL, and by singular values in numpy."""
     for material in ("stable-neo-hookean", "linear-corotational", "st-venant-kirchhoff", "fixed-corotational"):
         for cell in (HEX, TET, ["solve.element=Q2"]):
-            problem = Problem(load("scramble", ["mesh.cells=2", f"material.name={material}", *cell]), MPI.COMM_SELF)
-            values = np.where(problem.held, 0.0, 0.1 * np.random.default_rng(0).standard_normal(len(problem.state)))
-            residual = problem.residual_at(values)
-            residual[problem.held] = 0.0
-            assert out_of_balance(problem) == pytest.approx(problem.norm(residual), rel=1e-10)
+            body = made(load("scramble", ["mesh.cells=2", f"material.name={material}", *cell]))
+            values = np.where(body.held, 0.0, 0.1 * np.random.default_rng(0).standard_normal(body.size))
+            residual = bodies.out_of_balance(body, values)
+            assert out_of_balance(body) == pytest.approx(body.layout.norm(residual), rel=1e-10)

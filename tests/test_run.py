@@ -4,6 +4,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ STEP = {
     "load", "energy", "reaction", "volume_ratio", "min_J", "newton_iterations", "linear_iterations", "wall_s",
 }  # fmt: skip
 MATERIAL = {"name", "parameters", "E", "nu", "alpha"}
-FILES = {"summary.json", "history.csv", "fields.xdmf", "fields.h5", "curve.png", "deformed.png"}
+FILES = {"scene.toml", "summary.json", "history.csv", "fields.xdmf", "fields", "curve.png", "deformed.png"}
 
 # Settings that make a shipped scene small enough for a test.
 COARSE = {"cylinder-stretch": ["mesh.cells=4", "solve.steps=4"], "cantilever": ["mesh.cells=[3,1,1]", "solve.steps=2"]}
@@ -150,3 +151,35 @@ def test_help_imports_nothing_heavy() -> None:
         "assert not {'dolfinx', 'ufl', 'numpy', 'pydantic', 'rich', 'mpi4py'} & set(sys.modules), sys.modules.keys()"
     )
     subprocess.run(["python3", "-c", script], check=True, capture_output=True, env={**os.environ})
+
+
+def test_python_of_the_readme(tmp_path: Path) -> None:
+    """As a script, in an empty folder."""
+    (tmp_path / "script.py").write_text(_blocks("python")[0])
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) == 10
+    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_is_repeated_from_its_folder(elastune: Run, tmp_path: Path) -> None:
+    """To the last bit, also into the folder itself."""
+    settings = ["mesh.cells=3", "solve.steps=2", "material.alpha=1.3", "output.picture=false"]
+    elastune("run", "cube-pull", *[word for setting in settings for word in ("--set", setting)], "--out", "one")
+    one = json.loads((tmp_path / "one/summary.json").read_text())
+    for out in ("two", "one"):
+        assert elastune("run", "one/scene.toml", "--out", out).returncode == 0
+        again = json.loads((tmp_path / out / "summary.json").read_text())
+        assert again["scene"] == "cube-pull"
+        for a, b in zip(one["steps"], again["steps"], strict=True):
+            assert {k: v for k, v in a.items() if k != "wall_s"} == {k: v for k, v in b.items() if k != "wall_s"}
+
+
+def test_petsc_options_are_there_before_petsc_starts(elastune: Run, tmp_path: Path) -> None:
+    """PETSc reads some only then, and complains at its end of those that came later."""
+    words = ["run", "cube-pull", "--set", "mesh.cells=2", "--set", "output.picture=false", "--out", tmp_path / "out"]
+    done = elastune(*words, "--", "-log_view")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "MatMult" in done.stdout or "KSPSolve" in done.stdout
+    plain = elastune(*words, "--", "-snes_type", "newtonls")
+    assert (plain.returncode, plain.stderr) == (0, "")

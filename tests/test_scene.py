@@ -28,6 +28,19 @@ move = [0.1, 0.0, 0.0]
 # What is replaced in the good scene, by what, and words that the one line must have.
 BROKEN = {
     "unknown table": ("[mesh]", "[msh]", ["msh", "did you mean mesh"]),
+    "unknown table for a missing one": ("[material]", "[materail]", ["materail: unknown key", "did you mean material"]),
+    "face of any name": ("boundary.right", 'boundary."the right: 1.5"', ["boundary.the right: 1.5: unknown face"]),
+    "unknown condition on it": (
+        "[boundary.right]\nmove",
+        '[boundary."right-hand"]\nmoves',
+        ["boundary.right-hand.moves", "did you mean move"],
+    ),
+    "unknown key of a rotation": (
+        "move = [0.1, 0.0, 0.0]",
+        "rotate = { axis = [1, 0, 0], centre = [0, 0, 0], angle = 9 }",
+        ["boundary.right.rotate.centre: unknown key", "did you mean center"],
+    ),
+    "unknown key that is near to none": ("steps = 1", "zzz = 1", ["solve.zzz", "expected one of element, steps"]),
     "unknown mesh key": ("cells = 2", "cels = 2", ["mesh.cels", "did you mean cells"]),
     "unknown solve key": ("steps = 1", "stepz = 1", ["solve.stepz", "steps"]),
     "unknown material key": ("nu = 0.3", "nuu = 0.3", ["material.nuu", "nu"]),
@@ -89,7 +102,16 @@ BROKEN = {
         "rotate = { axis = [0, 0, 0], center = [0, 0, 0], angle = 9 }",
         ["axis"],
     ),
-    "rotation without center": ("move = [0.1, 0.0, 0.0]", "rotate = { axis = [1, 0, 0], angle = 9 }", ["center"]),
+    "rotation without center": (
+        "move = [0.1, 0.0, 0.0]",
+        "rotate = { axis = [1, 0, 0], angle = 9 }",
+        ["boundary.right.rotate.center: missing; every rotate needs it"],
+    ),
+    "no material": (
+        '[material]\nname = "neo-hookean"\nE = 1.0\nnu = 0.3',
+        "",
+        ["material: missing; every scene needs"],
+    ),
     "missing mesh file": ('shape = "cube"', 'shape = "file"\npath = "none.msh"', ["none.msh", "no such file"]),
     "no mesh file": ('shape = "cube"', 'shape = "file"', ["mesh.path"]),
     "unreadable mesh": ('shape = "cube"', 'shape = "file"\npath = "broken.msh"', ["broken.msh"]),

@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bodies import ended, free_stiffness, made, newton_steps
+from bodies import solved as solved_run
 from dolfinx import fem
-from mpi4py import MPI
 
-from elastune.app.body.body import Problem
-from elastune.app.path.follow import LoadFailure, State, follow
+from elastune.app.body.body import Body
+from elastune.app.body.unknowns import State
+from elastune.app.path.follow import follow
 from elastune.app.results.measures import Measures
+from elastune.app.scene.build import options
 from elastune.app.scene.read import parse
-from elastune.app.solvers.strategy import Minimizer
 from elastune.forms.energy import CATALOGUE
 from elastune.forms.normalize import lame_pair
 from elastune.forms.uniaxial import uniaxial
@@ -33,16 +35,11 @@ def scene(material: Tables, boundary: Tables, **tables: Tables) -> Any:
     return parse(data, Path("test.toml"))
 
 
-def final(problem: Problem) -> State:
-    *_, state = follow(problem)
-    return state
-
-
-def mean(problem: Problem, face: str) -> np.ndarray:
+def mean(body: Body, face: str) -> np.ndarray:
     """Mean displacement of the nodes of a face, on one rank."""
-    facets = problem.geometry.facets(face)
-    nodes = fem.locate_dofs_topological(problem.V, problem.geometry.mesh.topology.dim - 1, facets)
-    return problem.u.x.array.reshape(-1, problem.dimension)[nodes].mean(axis=0)
+    facets = body.geometry.facets(face)
+    nodes = fem.locate_dofs_topological(body.V, body.geometry.mesh.topology.dim - 1, facets)
+    return body.u.x.array.reshape(-1, body.dimension)[nodes].mean(axis=0)
 
 
 # ---------------------------------------------------------------------- published and earlier figures
@@ -77,15 +74,14 @@ def test_bar_under_uniaxial_stress(name: str) -> None:
         material["volume"] = "neo-hookean-ogden"
     stretch = 1.3
     bar = scene(material, {**BAR, "right": {"pull": [1.0, 0.0, 0.0]}}, mesh={"cells": 1}, solve={"tolerance": 1e-11})
-    stress, lateral = uniaxial(Problem(bar, MPI.COMM_SELF).energy, [stretch])
+    stress, lateral = uniaxial(made(bar).energy, [stretch])
     pulled = scene(
         material,
         {**BAR, "right": {"pull": [float(stress[0]), 0.0, 0.0]}},
         mesh={"cells": 1},
         solve={"tolerance": 1e-11},
     )
-    problem = Problem(pulled, MPI.COMM_SELF)
-    final(problem)
+    problem = solved_run(pulled).body
     assert mean(problem, "right")[0] == pytest.approx(stretch - 1, rel=1e-8)
     assert mean(problem, "back")[1] == pytest.approx(lateral[0] - 1, rel=1e-8)
 
@@ -94,8 +90,7 @@ def test_nominal_stress_under_prescribed_stretch() -> None:
     """Confined tension: no lateral motion, so that the reaction is p1(stretch, 1, 1)."""
     sides = {face: {"roller": ["y", "z"]} for face in ("front", "back", "bottom", "top")}
     boundary = {"left": {"fix": True}, "right": {"move": [0.7, 0.0, 0.0]}, **sides}
-    problem = Problem(scene({"name": "neo-hookean"}, boundary), MPI.COMM_SELF)
-    final(problem)
+    problem = solved_run(scene({"name": "neo-hookean"}, boundary)).body
     lam, mu = lame_pair(2.0, 0.3)
     stress = mu * (1.7 - 1 / 1.7) + lam * np.log(1.7) / 1.7
     assert Measures(problem).reactions()["right"][0] == pytest.approx(stress, rel=1e-9)
@@ -106,11 +101,9 @@ def test_nominal_stress_under_prescribed_stretch() -> None:
 def test_body_force_stretches_a_hanging_bar() -> None:
     """Small strain with nu = 0: the end moves by b L^2 / (2 E)."""
     force = 1e-6
-    problem = Problem(
-        scene({"name": "st-venant-kirchhoff", "nu": 0.0}, {"left": {"fix": True}}, body={"force": [force, 0.0, 0.0]}),
-        MPI.COMM_SELF,
-    )
-    final(problem)
+    problem = solved_run(
+        scene({"name": "st-venant-kirchhoff", "nu": 0.0}, {"left": {"fix": True}}, body={"force": [force, 0.0, 0.0]})
+    ).body
     assert mean(problem, "right")[0] == pytest.approx(force / (2 * 2.0), rel=1e-5)
     assert Measures(problem).reactions()["left"][0] == pytest.approx(-force, rel=1e-9)
 
@@ -118,8 +111,7 @@ def test_body_force_stretches_a_hanging_bar() -> None:
 def test_follower_pressure_is_force_per_deformed_area() -> None:
     pressure = 0.4
     boundary = {**BAR, "right": {"pressure": pressure}}
-    problem = Problem(scene({"name": "neo-hookean"}, boundary, solve={"tolerance": 1e-11}), MPI.COMM_SELF)
-    final(problem)
+    problem = solved_run(scene({"name": "neo-hookean"}, boundary, solve={"tolerance": 1e-11})).body
     axial, lateral = 1 + mean(problem, "right")[0], 1 + mean(problem, "back")[1]
     stress, width = uniaxial(problem.energy, [axial])
     assert width[0] == pytest.approx(lateral, rel=1e-8)
@@ -130,16 +122,16 @@ def test_follower_pressure_converges_quadratically() -> None:
     """Its part of the tangent is a second form in the same matrix; without it 60 steps are not enough."""
     boundary = {"left": {"fix": True}, "right": {"pressure": 0.4}, "top": {"pressure": 0.2}}
     pressed = scene({"name": "neo-hookean"}, boundary, mesh={"cells": 3}, solve={"tolerance": 1e-11})
-    assert final(Problem(pressed, MPI.COMM_SELF)).newton <= 6
+    assert newton_steps(solved_run(pressed)) <= 6
 
 
 @pytest.mark.parametrize("angle", [30.0, 180.0, 250.0])
 def test_turning_both_ends_is_a_rigid_motion(angle: float) -> None:
     turn = {"axis": [1.0, 2.0, -0.5], "center": [0.3, 0.1, 0.7], "angle": angle}
     boundary = {"left": {"rotate": turn}, "right": {"rotate": turn}}
-    problem = Problem(scene({"name": "stable-neo-hookean"}, boundary, solve={"steps": 6}), MPI.COMM_SELF)
-    state = final(problem)
-    assert abs(problem.energy_at(state.values)) < 1e-13
+    run = solved_run(scene({"name": "stable-neo-hookean"}, boundary, solve={"steps": 6}))
+    problem = run.body
+    assert abs(run.summary.steps[-1].energy) < 1e-13
     assert Measures(problem).volume_ratio() == pytest.approx(1, abs=1e-9)
 
 
@@ -149,18 +141,15 @@ def test_plane_strain_is_a_slab_between_rollers(name: str) -> None:
     material = {"name": name}
     boundary = {"left": {"fix": True}, "right": {"move": [0.3, 0.2]}}
     flat = scene(material, boundary, mesh={"shape": "square", "cells": 3, "cell": "quadrilateral"})
-    section = Problem(flat, MPI.COMM_SELF)
-    final(section)
+    section = solved_run(flat).body
     walls = {"front": {"roller": ["y"]}, "back": {"roller": ["y"]}}
-    slab = Problem(
+    slab = solved_run(
         scene(
             material,
             {"left": {"fix": True}, "right": {"move": [0.3, 0.0, 0.2]}, **walls},
             mesh={"shape": "box", "size": [1.0, 0.1, 1.0], "cells": [3, 1, 3]},
-        ),
-        MPI.COMM_SELF,
-    )
-    final(slab)
+        )
+    ).body
     flat_reaction = Measures(section).reactions()["right"]
     slab_reaction = Measures(slab).reactions()["right"]
     assert slab_reaction[0] / 0.1 == pytest.approx(flat_reaction[0], rel=1e-8)
@@ -172,16 +161,7 @@ def test_plane_strain_is_a_slab_between_rollers(name: str) -> None:
 
 def _stiffness(material: Tables) -> np.ndarray:
     boundary = {"left": {"fix": True}, "right": {"move": [1.0, 0.0, 0.0]}}
-    problem = Problem(scene(material, boundary, mesh={"cells": 3}), MPI.COMM_SELF)
-    minimizer = Minimizer(problem)
-    problem.set_state(np.zeros_like(problem.u.x.array))
-    minimizer.tangent.assemble("none")
-    indices, columns, values = minimizer.tangent.matrix.getValuesCSR()
-    dense = np.zeros((problem.size, problem.size))
-    for row in range(problem.size):
-        dense[row, columns[indices[row] : indices[row + 1]]] = values[indices[row] : indices[row + 1]]
-    free = ~problem.held
-    return dense[np.ix_(free, free)]
+    return free_stiffness(made(scene(material, boundary, mesh={"cells": 3})))
 
 
 def test_calibrated_materials_share_their_stiffness_at_rest() -> None:
@@ -203,11 +183,8 @@ ALPHAS = (0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0)
 def _pull(alpha: float, distance: float, steps: int) -> list[float]:
     boundary = {"left": {"fix": True}, "right": {"move": [distance, 0.0, 0.0]}}
     material = {"name": "stable-neo-hookean", "alpha": alpha, "E": 1.0}
-    problem = Problem(
-        scene(material, boundary, mesh={"cells": 4}, solve={"steps": steps, "tolerance": 1e-10}), MPI.COMM_SELF
-    )
-    measures = Measures(problem)
-    return [measures.reactions()["right"][0] for _ in follow(problem)]
+    run = solved_run(scene(material, boundary, mesh={"cells": 4}, solve={"steps": steps, "tolerance": 1e-10}))
+    return [record.reaction["right"][0] for record in run.summary.steps]
 
 
 def test_alpha_curves_share_their_slope_and_are_ordered() -> None:
@@ -224,10 +201,11 @@ def test_alpha_curves_share_their_slope_and_are_ordered() -> None:
 def test_steps_are_cut_back_where_the_energy_is_undefined() -> None:
     """One step to a tenth of the height inverts cells of the prediction; the path goes on with smaller ones."""
     boundary = {"bottom": {"roller": ["z"]}, "top": {"move": [0.0, 0.0, -0.85]}}
-    problem = Problem(scene({"name": "neo-hookean", "nu": 0.2}, boundary, mesh={"cells": 4}), MPI.COMM_SELF)
-    state = final(problem)
-    assert state.load == 1.0
-    assert Measures(problem).min_J() > 0
+    cut: list[float] = []
+    given = scene({"name": "neo-hookean", "nu": 0.2}, boundary, mesh={"cells": 4})
+    reached = list(follow(made(given), options(given), report=lambda load, newton: cut.append(load)))
+    assert [step.load for step in reached] == [1.0]
+    assert len(cut) > 1 and cut[0] < 1.0
 
 
 @pytest.mark.parametrize("assembly", ["ufl", "spectral"])
@@ -237,11 +215,11 @@ def test_mirrored_bodies_have_no_energy(name: str, assembly: str) -> None:
     volume = {} if len(CATALOGUE[name].pair) > 1 else {"volume": "stable-neo-hookean"}
     boundary = {"left": {"fix": True}, "right": {"move": [0.1, 0.0, 0.0]}}
     solve = {"assembly": assembly, "element": "Q1"}
-    problem = Problem(scene({"name": name, **volume}, boundary, solve=solve, mesh={"cells": 1}), MPI.COMM_SELF)
+    problem = made(scene({"name": name, **volume}, boundary, solve=solve, mesh={"cells": 1}))
     mirrored = np.zeros((8, 3))
     mirrored[:, 0] = -2 * problem.V.tabulate_dof_coordinates()[:, 0]
-    assert np.isnan(problem.energy_at(problem.joined(mirrored.ravel())))
-    assert np.isfinite(problem.energy_at(problem.joined(0.01 * mirrored.ravel())))
+    assert np.isnan(problem.assembly.energy(State(mirrored.ravel())))
+    assert np.isfinite(problem.assembly.energy(State(0.01 * mirrored.ravel())))
 
 
 def test_failure_is_told_and_keeps_what_was_reached(
@@ -270,8 +248,8 @@ move = [-1.3, 0.0, 0.0]
     assert summary["failure"]["load"] > summary["steps"][-1]["load"]
     assert elastune("run", "crush.toml", "--set", "output.picture=false").returncode == 3
     boundary = {"left": {"fix": True}, "right": {"move": [-1.3, 0.0, 0.0]}}
-    with pytest.raises(LoadFailure):
-        final(Problem(scene({"name": "neo-hookean"}, boundary, solve={"smallest_step": 0.5}), MPI.COMM_SELF))
+    failed = ended(scene({"name": "neo-hookean"}, boundary, solve={"smallest_step": 0.5}))
+    assert failed.summary.status == "failed"
 
 
 def test_linear_solvers_agree(solved: Callable[..., Any]) -> None:

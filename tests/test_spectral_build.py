@@ -66,3 +66,37 @@ def test_processes_at_the_same_time(tmp_path: Path) -> None:
     assert [run.returncode for run in runs] == [0] * 4
     assert len(set(outputs)) == 1
     assert len(list((tmp_path / "fenics").iterdir())) == 1
+
+
+RANKS = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from elastune.forms.spectral import build
+comm = MPI.COMM_WORLD
+
+def broken():
+    raise ValueError("broken\\nfor good")
+
+build._cache_folder = lambda: Path(sys.argv[1])
+try:
+    build.load("pointwise.c", "no key", str if sys.argv[1].startswith("/proc") else broken, comm)
+except build.SpectralError as error:
+    Path(sys.argv[2], str(comm.rank)).write_text(str(error))
+"""
+
+
+@pytest.mark.parametrize(("folder", "said"), [("{}", "broken for good"), ("/proc/none/deep", "cannot be written")])
+def test_what_fails_on_one_rank_is_raised_on_all(folder: str, said: str, tmp_path: Path) -> None:
+    command = ["mpirun", "-n", "2", sys.executable, "-c", RANKS, folder.format(tmp_path / "cache"), str(tmp_path)]
+    subprocess.run(command, timeout=60, check=True)
+    told = {name: (tmp_path / name).read_text() for name in ("0", "1")}
+    assert told["0"] == told["1"]
+    assert said in told["0"] and "\n" not in told["0"]
+
+
+def test_folder_that_cannot_be_written_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "_cache_folder", lambda: Path("/proc/none"))
+    with pytest.raises(SpectralError) as refusal:
+        pointwise(materials.make("arap"), REST)
+    assert "/proc/none: " in str(refusal.value) and "\n" not in str(refusal.value)

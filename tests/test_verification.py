@@ -4,19 +4,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bodies
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
 from scipy.integrate import quad, solve_bvp
 
-from elastune.app.body.body import Problem
-from elastune.app.path.follow import follow
+from elastune.app.body.body import Body
+from elastune.app.body.unknowns import State
 from elastune.app.results.measures import Measures
+from elastune.app.results.quantities import force, moment
+from elastune.app.run import Run
+from elastune.app.scene.build import build, options
 from elastune.app.scene.read import parse
 from elastune.app.scene.schema import Scene
+from elastune.app.solvers.options import Options
 from elastune.app.studies.orders import fitted_order
-from elastune.app.verify.exact import Manufactured, Waves, body_force, response
+from elastune.app.verify.exact import Follows, Manufactured, Waves, body_force
+from elastune.forms import response
 from elastune.forms.elements import ELEMENTS
 from elastune.forms.energy import CATALOGUE
 from elastune.forms.evaluation import as_numpy
@@ -41,9 +47,8 @@ def scene(boundary: Tables, mesh: Tables, solve: Tables, given: Tables | None = 
     return parse({**data, "boundary": boundary}, Path("test.toml"))
 
 
-def solved(problem: Problem) -> Problem:
-    assert [state.load for state in follow(problem)][-1] == 1.0
-    return problem
+def solved(given: Scene) -> Body:
+    return bodies.solved(given).body
 
 
 CLAMPED: Tables = {"left": {"fix": True}, "right": {"move": [1.0, 0.0, 0.0]}}
@@ -67,8 +72,9 @@ ORDERS: dict[str, tuple[tuple[int, ...], dict[str, tuple[float, float]]]] = {
 
 def manufactured(element: str, cells: int, given: Tables | None = None) -> dict[str, float]:
     mesh = {"cells": cells, "cell": CELLS[element]}
-    problem = Manufactured(scene(CLAMPED, mesh, {"element": element, "tolerance": 1e-10}, given), MPI.COMM_SELF)
-    solved(problem)
+    wanted = scene(CLAMPED, mesh, {"element": element, "tolerance": 1e-10}, given)
+    problem = Manufactured(wanted, MPI.COMM_SELF)
+    assert Run(problem.body, options(wanted)).finish().summary.failure is None
     return problem.errors()
 
 
@@ -123,20 +129,15 @@ def test_body_force_is_the_divergence_of_stress(name: str) -> None:
 HELD: Tables = {face: {"fix": True} for face in ("left", "right", "front", "back", "bottom", "top")}
 
 
-class Affine(Problem):
-    """A body whose held faces follow u = H X + t."""
+def affine(given: Scene, H: np.ndarray, t: np.ndarray | None = None) -> Body:
+    """A body whose boundary follows u = H X + t."""
+    follows = Follows(lambda X: X @ H.T + (0 if t is None else t))
+    return build(given, MPI.COMM_SELF, conditions=dict.fromkeys(HELD, follows))[0]
 
-    def __init__(self, given: Scene, H: np.ndarray, t: np.ndarray | None = None) -> None:
-        """All displacements of the boundary, at full load."""
-        # The scene has to have some load; that of CLAMPED gives way.
-        conditions = scene({**HELD, "right": {"move": [1.0, 0.0, 0.0]}}, {}, {}).boundary
-        super().__init__(given.model_copy(update={"boundary": conditions}), MPI.COMM_SELF)
-        d = self.dimension
-        points = self.V.tabulate_dof_coordinates()[:, :d]
-        self.motion = self.joined((points @ H.T[:d, :d] + (0 if t is None else t)).ravel())
 
-    def prescribed(self, load: float) -> np.ndarray:
-        return np.where(self.held, load * self.motion, 0.0)
+def run_of(body: Body, tolerance: float) -> Body:
+    assert Run(body, Options(steps=1, tolerance=tolerance)).finish().summary.failure is None
+    return body
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
@@ -144,19 +145,19 @@ def test_patch(element: str) -> None:
     """Affine displacements of the boundary give the affine displacement on any mesh (Irons & Razzaque 1972)."""
     H = np.array([[0.2, 0.1, 0.0], [-0.05, -0.1, 0.08], [0.0, 0.06, 0.05]])
     mesh = {"cells": 3, "cell": CELLS[element]}
-    problem = Affine(scene(CLAMPED, mesh, {"element": element, "tolerance": 1e-13}), H)
+    problem = affine(scene(CLAMPED, mesh, {"element": element}), H)
     x = problem.geometry.mesh.geometry.x
     inside = ((x > 1e-9) & (x < 1 - 1e-9)).all(axis=1)
     x[inside] += np.random.default_rng(3).uniform(-0.08, 0.08, (inside.sum(), 3))
     # Nodes of higher order have moved with the vertices.
     points = problem.V.tabulate_dof_coordinates()
-    problem.motion = problem.joined((points @ H.T).ravel())
-    solved(problem)
+    problem.constraints.points[:] = points
+    run_of(problem, 1e-13)
     assert np.abs(problem.u.x.array - (points @ H.T).ravel()).max() < 2e-12
     if problem.p is not None:
         assert np.ptp(problem.p.x.array) < 2e-11
     reaction = Measures(problem).reactions()["right"]
-    _, P, _ = response(problem.energy, H[None])
+    _, P, _ = response.second(problem.energy, H[None])
     assert reaction == pytest.approx(P[0, :, 0], abs=1e-11)
 
 
@@ -166,7 +167,7 @@ def test_simple_shear(name: str) -> None:
     gamma = 0.4
     H = np.zeros((3, 3))
     H[0, 1] = gamma
-    problem = solved(Affine(scene(CLAMPED, {"cells": 2}, {"tolerance": 1e-12}, material(name)), H))
+    problem = run_of(affine(scene(CLAMPED, {"cells": 2}, {}, material(name)), H), 1e-12)
     reactions = Measures(problem).reactions()
     # With J = 1, σ = P Fᵀ; the columns of P are forces on faces.
     P = np.stack([reactions[face] for face in ("right", "back", "top")], axis=1)
@@ -191,7 +192,7 @@ def test_equibiaxial_tension() -> None:
         "right": {"pull": [stress, 0.0, 0.0]},
         "back": {"pull": [0.0, stress, 0.0]},
     }
-    problem = solved(Problem(scene(boundary, {"cells": 2}, {"tolerance": 1e-12, "steps": 4}), MPI.COMM_SELF))
+    problem = solved(scene(boundary, {"cells": 2}, {"tolerance": 1e-12, "steps": 4}))
     corner = problem.V.tabulate_dof_coordinates().sum(axis=1).argmax()
     expected = [stretch - 1, stretch - 1, thickness - 1]
     assert problem.u.x.array.reshape(-1, 3)[corner] == pytest.approx(expected, abs=1e-9)
@@ -216,9 +217,10 @@ def test_rigid_motion_costs_nothing(element: str, assembly: str, rounding: float
     H = -np.sin(angle) * cross + 2 * np.sin(angle / 2) ** 2 * (cross @ cross)
     t = 1e3 * np.array([0.6, -0.64, 0.48])
     solve = {"element": element, "assembly": assembly}
-    problem = Affine(scene(CLAMPED, {"cells": 3, "cell": CELLS[element]}, solve), H, t)
-    assert abs(problem.energy_at(problem.motion)) < rounding
-    assert np.abs(problem.residual_at(problem.motion)).max() < 4e-12
+    problem = affine(scene(CLAMPED, {"cells": 3, "cell": CELLS[element]}, solve), H, t)
+    moved = State((problem.points @ H.T + t).ravel())
+    assert abs(problem.assembly.energy(moved)) < rounding
+    assert np.abs(problem.assembly.residual(moved)).max() < 4e-12
 
 
 # ---------------------------------------------------------------------- Rivlin's torsion
@@ -239,12 +241,10 @@ def test_torsion_of_an_incompressible_cylinder(element: str, cells: list[int], a
     }
     mesh = {"shape": "cylinder", "size": [radius, height], "cells": cells, "cell": CELLS[element], "order": 2}
     given = {"name": "neo-hookean", "E": 1.0, "nu": 0.5}
-    problem = solved(Problem(scene(boundary, mesh, {"element": element}, given), MPI.COMM_SELF))
-    forces = problem.displacements(problem.residual_at(problem.state)).reshape(-1, 3)[problem.faces["top"]]
-    points = problem.V.tabulate_dof_coordinates()[problem.faces["top"]]
-    moved = points + problem.u.x.array.reshape(-1, 3)[problem.faces["top"]]
-    assert np.cross(moved, forces)[:, 2].sum() == pytest.approx(np.pi * mu * kappa * radius**4 / 2, rel=1e-3)
-    assert forces[:, 2].sum() == pytest.approx(-np.pi * mu * kappa**2 * radius**4 / 4, rel=accuracy)
+    problem = solved(scene(boundary, mesh, {"element": element}, given))
+    forces, top = problem.layout.nodal(problem.assembly.residual(problem.state)), problem.constraints.faces["top"]
+    assert moment(problem.u, forces, top)[2] == pytest.approx(np.pi * mu * kappa * radius**4 / 2, rel=1e-3)
+    assert force(problem.u, forces, top)[2] == pytest.approx(-np.pi * mu * kappa**2 * radius**4 / 4, rel=accuracy)
 
 
 # ---------------------------------------------------------------------- inflation
@@ -294,7 +294,7 @@ def test_inflation_of_an_incompressible_tube(tmp_path: Path) -> None:
     boundary = {"bottom": {"roller": ["y"]}, "left": {"roller": ["x"]}, "inner": {"pressure": pressure}}
     mesh = {"shape": "file", "path": _gmsh(tmp_path / "ring.msh", _quarter_ring)}
     given = {"name": "neo-hookean", "E": 1.0, "nu": 0.5}
-    problem = solved(Problem(scene(boundary, mesh, {"element": "Q2-P1d", "steps": 4}, given), MPI.COMM_SELF))
+    problem = solved(scene(boundary, mesh, {"element": "Q2-P1d", "steps": 4}, given))
     X = problem.V.tabulate_dof_coordinates()[:, :2]
     R, r = np.linalg.norm(X, axis=1), np.linalg.norm(X + problem.u.x.array.reshape(-1, 2), axis=1)
     assert np.abs(r - np.sqrt(R**2 + c)).max() < 5e-4
@@ -348,7 +348,7 @@ def test_inflation_of_a_compressible_sphere(tmp_path: Path) -> None:
         "inner": {"pressure": pressure},
     }
     mesh = {"shape": "file", "path": _gmsh(tmp_path / "shell.msh", _octant_of_a_shell)}
-    problem = solved(Problem(scene(boundary, mesh, {"element": "P2", "steps": 2}), MPI.COMM_SELF))
+    problem = solved(scene(boundary, mesh, {"element": "P2", "steps": 2}))
     X = problem.V.tabulate_dof_coordinates()
     distance = np.linalg.norm(X, axis=1)
     at_wall = np.abs(distance - 1) < 1e-6
@@ -366,7 +366,7 @@ def _cook(element: str, refine: int) -> float:
     mesh = {"shape": "file", "path": str(path), "refine": refine}
     boundary = {"left": {"fix": True}, "right": {"pull": [0.0, 6.25]}}
     given = {"name": "neo-hookean", "E": 240.565, "nu": 0.4999}
-    problem = solved(Problem(scene(boundary, mesh, {"element": element, "steps": 2}, given), MPI.COMM_SELF))
+    problem = solved(scene(boundary, mesh, {"element": element, "steps": 2}, given))
     tip = np.linalg.norm(problem.V.tabulate_dof_coordinates() - [48.0, 60.0, 0.0], axis=1).argmin()
     return float(problem.u.x.array.reshape(-1, 2)[tip, 1])
 

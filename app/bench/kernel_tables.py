@@ -9,6 +9,7 @@ import numpy as np
 
 from elastune.app.bench.compilation import Compilation
 from elastune.app.bench.kernels import FORMS, MEASURES, METHODS, REFERENCE, STRETCH_BASED, Row
+from elastune.app.results.pictures import style
 
 # Bars of the figure: material, method, name, colour (Okabe and Ito's).
 BARS = (
@@ -80,13 +81,10 @@ def _worst(what: str, ratios: Sequence[tuple[Row, float | None]]) -> str:
 
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Bars of two materials' tangents, and ratios of all to UFL's forms."""
-    # A figure without pyplot: no display, no state that others share.
-    from matplotlib.figure import Figure
-
     materials = list(dict.fromkeys(row.material for row in rows))
     lines = [(name, form) for name in materials for form in (FORMS if len(materials) <= FEW else FORMS[2:3])]
     heights = (3.6, 0.24 * len(lines) + 0.6)
-    figure = Figure(figsize=(16, sum(heights) + 1.8), dpi=110, layout="constrained")
+    figure = style.figure((16, sum(heights) + 1.8), 110)
     grid = figure.subplots(2, 2, height_ratios=heights, sharex="row", sharey="row")
     for column, measure in enumerate(MEASURES):
         chosen = [row for row in rows if row.measure == measure]
@@ -112,9 +110,7 @@ def _bars(axes: Any, rows: Sequence[Row], measure: str) -> None:
     axes.set_yscale("log")
     axes.set_xticks(range(len(elements)), [name.replace(" ", "\n") for name in elements], fontsize=7)
     axes.set_title("the kernel alone" if measure == MEASURES[0] else "assembled into a PETSc matrix", fontsize=11)
-    axes.grid(axis="y", color="0.9")
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    style.dress(axes, "y")
 
 
 def _ratios(axes: Any, rows: Sequence[Row], lines: Sequence[tuple[str, str]]) -> None:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from elastune.app.body.body import Problem
-from elastune.app.path.follow import LoadFailure, follow
-from elastune.app.results.measures import Measures
+from elastune.app.results.pictures import style
+from elastune.app.run import start
 from elastune.app.scene.read import load
 
 # "Filtered" neo-Hookean is continued below the stretch that Smith et al. name. The corotational body collapses
@@ -32,38 +31,28 @@ def stretch(cells: int = 8, tell: Callable[[str], None] = print) -> dict[str, Cu
     """
     curves = {}
     for name, settings in MATERIALS.items():
-        scene = load("cylinder-stretch", [f"mesh.cells={cells}", *settings])
-        problem = Problem(scene, MPI.COMM_SELF)
-        measures = Measures(problem)
-        curves[name] = [(1.0, 1.0)]
-        end = "converged"
-        try:
-            for state in follow(problem):
-                curves[name].append((1 + 2.4 * state.load, measures.volume_ratio()))
-        except LoadFailure as failure:
-            end = f"{failure.kind} before stretch {1 + 2.4 * failure.load:.3f}"
+        run = start(load("cylinder-stretch", [f"mesh.cells={cells}", *settings]), MPI.COMM_SELF).finish()
+        curves[name] = [(1.0, 1.0), *((1 + 2.4 * step.load, step.volume_ratio) for step in run.summary.steps)]
+        failure = run.summary.failure
+        end = "converged" if failure is None else f"{failure.kind} before stretch {1 + 2.4 * failure.load:.3f}"
         tell(f"{name:22} volume {curves[name][-1][1]:.4f} at stretch {curves[name][-1][0]:.3f}, {end}")
     return curves
 
 
 def write(curves: dict[str, Curve], folder: Path) -> list[Path]:
     """The curves as a table and as a picture."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot as plt
-
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / "volume.csv", folder / "volume.png"
     with table.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["material", "stretch", "volume_ratio"])
         writer.writerows([name, *point] for name, points in curves.items() for point in points)
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    figure = style.figure((6, 4))
+    axes = figure.add_subplot()
     for name, points in curves.items():
         axes.plot(*zip(*points, strict=True), label=name, marker=".")
     axes.set(xlabel="stretch", ylabel="volume ratio", title="Cylinder, nu = 0.49")
     axes.legend(frameon=False)
-    figure.savefig(picture, dpi=150)
-    plt.close(figure)
+    style.dress(axes)
+    figure.savefig(picture)
     return [table, picture]

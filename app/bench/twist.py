@@ -7,11 +7,10 @@ from typing import Any
 
 from mpi4py import MPI
 
-from elastune.app.bench import tutorial
-from elastune.app.body.body import Problem
-from elastune.app.path.follow import follow
+from elastune.app.run import start
 from elastune.app.scene.read import load
 from elastune.app.scene.schema import Scene
+from elastune.app.verify import tutorial
 
 # Fewer equal steps make the tutorial's solver fail.
 TUTORIAL_STEPS = 10
@@ -52,9 +51,8 @@ def _scene(cells: int, steps: int) -> Scene:
 
 
 def _ours(scene: Scene) -> tuple[float, int]:
-    problem = Problem(scene, MPI.COMM_SELF)
-    *_, state = follow(problem)
-    return problem.energy_at(state.values), state.newton
+    (record,) = start(scene, MPI.COMM_SELF)
+    return record.energy, record.newton_iterations
 
 
 def _timed(task: Any) -> tuple[float, Any]:

@@ -1,91 +1,155 @@
-"""A scene on its mesh: function spaces, prescribed displacements, and Π with its derivatives as vectors."""
+"""A body: its mesh with elements and material, what happens to its faces, and Π as a sum of terms."""
 
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
+import dolfinx.fem.petsc
 import numpy as np
-from dolfinx import fem, la
+from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from elastune import geometry
+from elastune.app.body.assembly import Assembly
 from elastune.app.body.constraints import Constraints
-from elastune.app.errors import SceneError
-from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
-from elastune.forms.elements import ELEMENTS, Choice
+from elastune.app.body.loads import BodyForce, Setting, check, load_terms
+from elastune.app.body.motions import Condition, Motion
+from elastune.app.body.unknowns import Layout, State
+from elastune.app.body.volume import Volume
+from elastune.forms.elements import ELEMENTS
+from elastune.forms.energy import Energy
 from elastune.forms.normalize import linearize
+from elastune.forms.points import Points
 from elastune.forms.spaces import displacement_space, pressure_space
-from elastune.forms.terms.mixed import MixedPotential
-from elastune.forms.terms.potential import Loads, Potential
+from elastune.forms.terms import (
+    Domain,
+    Fields,
+    PressureField,
+    StrainEnergy,
+    Term,
+    face_degree,
+)
 from elastune.forms.volumetric import Split, split
+from elastune.geometry import Geometry
 
 Array = NDArray[np.float64]
 
 
-class Problem:
-    """What the solver sees of a scene.
-
-    Vectors are local numpy arrays: owned displacements, owned pressures, ghost displacements, ghost pressures.
-    Only mixed elements have pressures.
+class Body:
+    """What solvers, load paths and results see of a problem.
 
     Attributes:
-        scene: The scene.
         geometry: Mesh and named faces.
-        energy: The calibrated and tuned energy.
-        element: Element name.
-        reason: Why "auto" chose it, or nothing.
+        energy: Strain-energy density.
+        extension: Stretch below which a singular energy is continued, or None.
+        element: Name of the element.
         quadrature: Degree of the volume quadrature.
-        V: Displacement space.
-        u: The displacement of the state.
-        p: The pressure of the state, or None.
+        conditions: What happens to the faces, by face.
+        force: Load on the volume, or None.
+        softened: Values of the material's parameters with which a tangled body untangles, or None.
+        u: The displacement.
+        p: The pressure, or None.
         split: The energy as a mixed element sees it, or None.
-        held: Mask of the prescribed degrees of freedom, a vector.
-        conditions: dolfinx's view of them, for assembly.
-        faces: Nodes of the faces where displacements are prescribed, owned and ghost.
-        potential: Π and its forms.
+        layout: Of the vectors.
+        constraints: What holds the body.
+        held: Mask of the prescribed unknowns, a vector.
+        strain: The term of the strain energy.
+        terms: All terms of Π.
+        assembly: What they add up to.
     """
 
-    def __init__(self, scene: Scene, comm: MPI.Comm) -> None:
-        """Builds mesh, space and forms.
+    def __init__(
+        self,
+        geometry: Geometry,
+        energy: Energy,
+        element: str,
+        conditions: Mapping[str, Condition],
+        force: BodyForce | None = None,
+        *,
+        pins: Sequence[Sequence[float]] = (),
+        quadrature: int | None = None,
+        assembly: Literal["auto", "ufl", "spectral"] = "auto",
+        extension: float | None = None,
+        softened: Energy | None = None,
+        more: Callable[[Fields, Domain], Sequence[Term]] = lambda fields, domain: (),
+    ) -> None:
+        """Builds spaces and forms.
+
+        Args:
+            geometry: Mesh and named faces.
+            energy: Strain-energy density, calibrated and tuned or not.
+            element: Name of an element of `ELEMENTS` that lives on the mesh's cells.
+            conditions: What happens to the faces, by face; faces without are free.
+            force: Load on the volume.
+            pins: Points whose nodes stay where they are at rest.
+            quadrature: Degree of the volume quadrature; the element's own by default.
+            assembly: See `StrainEnergy`.
+            extension: Stretch below which a singular energy is continued.
+            softened: The same material with a Poisson's ratio at which tangled bodies untangle.
+            more: Makes further terms of Π.
 
         Raises:
-            SceneError: If the mesh, or the scene on this mesh, is impossible.
+            UserError: If a face, a vector or a pinned point does not fit the mesh.
+            MaterialError: If a mixed element cannot take the energy.
         """
-        self.scene = scene
-        self.energy = material_energy(scene)
-        try:
-            self.geometry = geometry.build(comm, **mesh_arguments(scene))
-        except geometry.GeometryError as error:
-            raise SceneError(f"mesh: {error}") from None
-        mesh = self.geometry.mesh
+        self.geometry, self.energy, self.extension, self.element = geometry, energy, extension, element
+        self.conditions, self.force, self.softened = dict(conditions), force, softened
+        mesh, kind = geometry.mesh, ELEMENTS[element]
         self.dimension = mesh.geometry.dim
-        self.element, self.reason = _element(scene, mesh.topology.cell_name(), self.geometry.cells_count)
-        element = ELEMENTS[self.element]
-        self.quadrature = scene.solve.quadrature or (element.tangled_quadrature if scene.start else element.quadrature)
-        self.V = displacement_space(mesh, element)
+        self.quadrature = quadrature or kind.quadrature
+        self.V = displacement_space(mesh, kind)
         self.u = fem.Function(self.V, name="displacement")
         self.p: fem.Function | None = None
         self.split: Split | None = None
-        if element.pressure is not None:
-            self.p = fem.Function(pressure_space(mesh, element.pressure), name="pressure")
-            self.split = split(self.energy)
-        self._constraints = Constraints(scene, self.geometry, self.V)
-        self.conditions, self.faces = self._constraints.conditions, self._constraints.faces
-        self.held = self.joined(self._constraints.held)
-        self.potential = self._potential()
+        if kind.pressure is not None:
+            self.p = fem.Function(pressure_space(mesh, kind.pressure), name="pressure")
+            self.split = split(energy)
+        check(self.conditions, force, geometry.faces, self.dimension)
+        self.layout = Layout(self.u, self.p)
+        motions = {face: c for face, c in conditions.items() if isinstance(c, Motion)}
+        self.constraints = Constraints(geometry, self.V, motions, pins)
+        self.held = self.layout.joined(self.constraints.held)
 
-    def _potential(self) -> Potential:
-        solve, tags, loads = self.scene.solve, self.geometry.facet_tags, self._loads()
-        if self.mixed is not None:
-            parts, p = self.mixed
-            return MixedPotential(parts, self.u, p, self.quadrature, loads, tags, solve.assembly)
-        extension = self.scene.material.extension
-        return Potential(self.energy, self.u, self.quadrature, loads, tags, solve.assembly, extension)
+        fields = Fields(self.u, self.p)
+        geometry_degree = int(mesh.ufl_domain().ufl_coordinate_element().embedded_superdegree)
+        domain = Domain(mesh, self.quadrature, face_degree(kind.degree, geometry_degree), geometry.facet_tags)
+        material = energy if self.split is None else self.split.shear
+        self.strain = StrainEnergy(material, fields, domain, assembly, extension)
+        self.terms = [
+            self.strain,
+            *self._pressures(fields, domain),
+            *self._loads(Setting(fields, domain, self.constraints.held)),
+            *more(fields, domain),
+        ]
+        self.assembly = Assembly(fields, self.terms, self.layout, self.constraints)
+
+    def _pressures(self, fields: Fields, domain: Domain) -> list[PressureField]:
+        return [] if self.split is None else [PressureField(self.split, fields, domain)]
+
+    def _loads(self, setting: Setting) -> list[Term]:
+        volume = [] if self.force is None else [self.force.term(setting)]
+        return [*volume, *load_terms(self.conditions, self.geometry.faces, setting)]
+
+    # ------------------------------------------------------------------ what follows from the terms
 
     @property
     def mixed(self) -> tuple[Split, fem.Function] | None:
         """Of a mixed element, the energy as it sees it and the pressure."""
         return None if self.split is None or self.p is None else (self.split, self.p)
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all forces have a potential: Π can be minimised, and its tangent is symmetric."""
+        return all(term.conservative for term in self.terms)
+
+    @property
+    def state(self) -> State:
+        """What the fields hold."""
+        return self.assembly.state
+
+    def take(self, state: State) -> None:
+        """Makes the fields hold a state."""
+        self.assembly.take(state)
 
     # ------------------------------------------------------------------ sizes
 
@@ -94,31 +158,30 @@ class Problem:
         """The mesh's communicator."""
         return self.geometry.mesh.comm
 
-    @cached_property
+    @property
     def size(self) -> int:
-        """Global number of degrees of freedom."""
-        pressures = 0 if self.p is None else self.p.function_space.dofmap.index_map.size_global
-        return self.V.dofmap.index_map.size_global * self.V.dofmap.index_map_bs + pressures
+        """Number of unknowns of all ranks."""
+        return self.layout.size
+
+    @property
+    def points(self) -> Array:
+        """Places of the nodes at rest, owned and ghost, shape (n, 3)."""
+        return self.constraints.points
 
     @cached_property
-    def owned_displacements(self) -> int:
-        """Number of displacement degrees of freedom of this rank."""
-        return self.V.dofmap.index_map.size_local * self.V.dofmap.index_map_bs
+    def volume(self) -> Volume:
+        """Volumes of the present state."""
+        return Volume(self.u, self.quadrature_points)
 
     @cached_property
-    def owned_pressures(self) -> int:
-        """Number of pressure degrees of freedom of this rank."""
-        return 0 if self.p is None else self.p.function_space.dofmap.index_map.size_local
-
-    @cached_property
-    def owned(self) -> int:
-        """Number of degrees of freedom of this rank."""
-        return self.owned_displacements + self.owned_pressures
+    def quadrature_points(self) -> Points:
+        """Where the strain energy is evaluated."""
+        return Points(self.geometry.mesh, self.quadrature)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Least and largest coordinates of the body at rest, shape (d,) each."""
-        points = self.V.tabulate_dof_coordinates()[:, : self.dimension]
+        points = self.points[:, : self.dimension]
         low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
         self.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
         self.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
@@ -132,161 +195,36 @@ class Problem:
 
     @cached_property
     def stiffness(self) -> float:
-        """The force of a strain of one at rest: λ + 2μ over the square of the extent."""
+        """The force of a strain of one at rest: λ + 2μ over the square of the extent; 2μ where pressures carry λ."""
         at_rest = linearize(self.energy)
-        return (at_rest.lame_lambda + 2 * at_rest.lame_mu) * self.extent ** (self.dimension - 1)
+        modulus = 2 * at_rest.lame_mu + (at_rest.lame_lambda if self.split is None else 0.0)
+        return modulus * self.extent ** (self.dimension - 1)
 
-    # ------------------------------------------------------------------ layout of a vector
+    # ------------------------------------------------------------------ pressures
 
-    def joined(self, displacements: Array, pressures: Array | None = None) -> Array:
-        """A vector of displacements and pressures, each owned and ghost; zero pressures unless given.
+    @cached_property
+    def pressure_mass(self) -> Any:
+        """∫p q dX of a mixed element, a PETSc matrix."""
+        (term,) = (term for term in self.terms if isinstance(term, PressureField))
+        matrix = dolfinx.fem.petsc.assemble_matrix(term.mass)
+        matrix.assemble()
+        return matrix
 
-        Without pressures in the problem it is the array of displacements itself.
-        """
-        if self.p is None:
-            return displacements
-        n, m = self.owned_displacements, self.owned_pressures
-        if pressures is None:
-            pressures = np.zeros(len(self.p.x.array), dtype=displacements.dtype)
-        return np.concatenate([displacements[:n], pressures[:m], displacements[n:], pressures[m:]])
+    @cached_property
+    def _volumes(self) -> Array:
+        """Diagonal of that matrix, of this rank's pressures."""
+        return self.pressure_mass.getDiagonal().array_r.copy()
 
-    def displacements(self, values: Array) -> Array:
-        """The displacements of a vector, owned and ghost."""
-        if self.p is None:
-            return values
-        n, ghosts = self.owned_displacements, len(self.u.x.array) - self.owned_displacements
-        return np.concatenate([values[:n], values[self.owned : self.owned + ghosts]])
-
-    def with_displacements(self, values: Array, displacements: Array) -> Array:
-        """A vector with other displacements and the same pressures."""
-        changed = self.joined(displacements)
-        changed[self.owned_displacements : self.owned] = values[self.owned_displacements : self.owned]
-        return changed
-
-    @property
-    def state(self) -> Array:
-        """The present state as a new vector."""
-        return self.joined(self.u.x.array, None if self.p is None else self.p.x.array).copy()
+    def squared_strain(self, strains: Array) -> float:
+        """∫θ² dX of a volume strain by its values at the pressures, see `Assembly.strains`."""
+        return 0.0 if self.p is None else self.layout.total(strains @ (strains / self._volumes))
 
     # ------------------------------------------------------------------ prescribed displacements
 
     def prescribed(self, load: float) -> Array:
-        """Displacements at a load factor: right where `held`, zero elsewhere."""
-        return self.joined(self._constraints.displacements(load))
+        """Displacements at a load factor, owned and ghost: right where they are prescribed, zero elsewhere."""
+        return self.constraints.displacements(load)
 
-    def lift(self, increment: Array) -> Array:
-        """Forces -K Δg of an increment of the prescribed displacements at the current state.
-
-        Zero at the prescribed degrees of freedom.
-        """
-        self._constraints.motion.x.array[:] = self.displacements(increment)
-        forces = self._lifted(self.V, self.potential.tangent)
-        if not isinstance(self.potential, MixedPotential) or self.p is None:
-            lifted = forces
-        else:
-            lifted = self.joined(forces, self._lifted(self.p.function_space, [self.potential.coupling]))
-        lifted[self.held] = 0.0
-        return lifted
-
-    def _lifted(self, space: fem.FunctionSpace, forms: list[Any]) -> Array:
-        b = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
-        b.array[:] = 0.0
-        for form in forms:
-            fem.apply_lifting(b.array, [form], [self.conditions])
-        b.scatter_reverse(la.InsertMode.add)
-        b.scatter_forward()
-        return b.array
-
-    # ------------------------------------------------------------------ loads
-
-    def _loads(self) -> Loads:
-        tractions, pressures = {}, {}
-        for face, condition in self.scene.boundary.items():
-            # Also for held faces: an unknown face of the user's own mesh is found here.
-            tag = self._tag(face)
-            if condition.kind == "pull":
-                tractions[tag] = self._vector(condition.pull, f"boundary.{face}.pull")
-            elif condition.kind == "pressure":
-                pressures[tag] = float(condition.pressure or 0.0)
-            elif condition.kind == "move":
-                self._vector(condition.move, f"boundary.{face}.move")
-        body = self._vector(self.scene.body.force, "body.force") if self.scene.body else None
-        return Loads(body, tractions, pressures)
-
-    def _tag(self, face: str) -> int:
-        try:
-            return self.geometry.faces[face]
-        except KeyError:
-            known = ", ".join(self.geometry.faces)
-            raise SceneError(f"boundary.{face}: unknown face; the mesh has {known}") from None
-
-    def _vector(self, value: list[float] | None, key: str) -> Array:
-        if value is None or len(value) != self.dimension:
-            raise SceneError(f"{key} = {value}: expected {self.dimension} components")
-        return np.array(value, dtype=np.float64)
-
-    # ------------------------------------------------------------------ Π and its derivatives at a state
-
-    def set_state(self, values: Array) -> None:
-        """Takes the owned values of a state and updates the ghosts."""
-        n = self.owned_displacements
-        self.u.x.array[:n] = values[:n]
-        self.u.x.scatter_forward()
-        if self.p is not None:
-            self.p.x.array[: self.owned_pressures] = values[n : self.owned]
-            self.p.x.scatter_forward()
-        if isinstance(self.potential, MixedPotential):
-            self.potential.pressure_changed()
-
-    def energy_at(self, values: Array) -> float:
-        """Π, the same on every rank; NaN where ψ is undefined."""
-        self.set_state(values)
-        forms = [*self.potential.strain_energy, *self.potential.work]
-        with np.errstate(all="ignore"):
-            return self.comm.allreduce(sum(float(fem.assemble_scalar(form)) for form in forms))
-
-    def force_at(self, values: Array, forms: list[Any]) -> Array:
-        """Sum of assembled forms over displacements at a state, with ghost contributions added to their owners."""
-        self.set_state(values)
-        return self._assembled(self.V, forms)
-
-    def _assembled(self, space: fem.FunctionSpace, forms: list[Any]) -> Array:
-        b = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
-        b.array[:] = 0.0
-        for form in forms:
-            fem.assemble_vector(b.array, form)
-        b.scatter_reverse(la.InsertMode.add)
-        b.scatter_forward()
-        return b.array
-
-    def residual_at(self, values: Array) -> Array:
-        """Out-of-balance forces, reactions at the prescribed degrees of freedom included, and volume strains."""
-        forces = self.force_at(values, [*self.potential.internal, *self.potential.external])
-        if not isinstance(self.potential, MixedPotential) or self.p is None:
-            return forces
-        return self.joined(forces, self._assembled(self.p.function_space, [self.potential.volume_strain]))
-
-    def norm(self, values: Array) -> float:
-        """Euclidean norm over all ranks."""
-        own = values[: self.owned]
-        return float(np.sqrt(self.comm.allreduce(float(own @ own))))
-
-    def norm_displacements(self, values: Array) -> float:
-        """Euclidean norm of the displacements, or of the forces on them, over all ranks."""
-        own = values[: self.owned_displacements]
-        return float(np.sqrt(self.comm.allreduce(float(own @ own))))
-
-    def dot(self, a: Array, b: Array) -> float:
-        """Inner product over all ranks."""
-        return self.comm.allreduce(float(a[: self.owned] @ b[: self.owned]))
-
-
-def _element(scene: Scene, cell: str, cells: int) -> Choice:
-    """Element, checked against the cell type that the mesh turned out to have."""
-    if scene.solve.element == "auto":
-        return scene.chosen(cell, cells)
-    name = scene.solve.element
-    if cell not in ELEMENTS[name].cells:
-        lives = " or ".join(ELEMENTS[name].cells)
-        raise SceneError(f'solve.element = "{name}": lives on {lives}, got a mesh of {cell} cells')
-    return Choice(name, "")
+    def placed(self, values: Array, load: float) -> State:
+        """The state with a vector's values, and the prescribed displacements of a load."""
+        return State(np.where(self.held, self.layout.joined(self.prescribed(load)), values), load)

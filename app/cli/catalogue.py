@@ -1,6 +1,6 @@
 """What `elastune materials` shows: the table of all energies, or one of them with its uniaxial curve."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -183,9 +183,8 @@ def _draw(
 ) -> None:
     """Nominal stress and lateral stretch over axial stretch, for a family of exponents."""
     import numpy as np
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
+    from elastune.app.results.pictures import style
     from elastune.forms.tuning import with_nonlinearity
     from elastune.forms.uniaxial import uniaxial
 
@@ -200,8 +199,7 @@ def _draw(
         label = ", ".join(f"{key.replace('alpha', 'α')} = {value:g}" for key, value in exponents.items())
         curves.append((label, "#2a9d6f", chosen))
 
-    figure = Figure(figsize=(7, 6), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = style.figure((7, 6))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     for label, color, energy in curves:
         stress, lateral = uniaxial(energy, stretches)
@@ -220,7 +218,10 @@ def _draw(
     above.set_xlim(*_STRETCHES)
     above.legend(loc="upper left", frameon=False)
     above.set_title(f"{name}, uniaxial, E = {E:g}, ν = {nu:.4g}", loc="left", fontweight="bold")
-    _tidy((above, below))
+    for axes in (above, below):
+        style.dress(axes)
+        axes.axhline(0 if axes.get_ylim()[0] < 0 else 1, color="#b5b5b5", lw=0.8, zorder=0)
+        axes.axvline(1, color="#b5b5b5", lw=0.8, zorder=0)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
@@ -231,12 +232,3 @@ def _window(stress: Any) -> tuple[float, float]:
 
     low, high = np.nanmin(stress), np.nanmax(stress)
     return float(np.clip(1.3 * low, -3, -0.8)), float(np.clip(1.3 * high, 1.5, 4))
-
-
-def _tidy(axes: Iterable[Any]) -> None:
-    for axis in axes:
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.grid(color="#e4e4e4", lw=0.7)
-        axis.set_axisbelow(True)
-        axis.axhline(0 if axis.get_ylim()[0] < 0 else 1, color="#b5b5b5", lw=0.8, zorder=0)
-        axis.axvline(1, color="#b5b5b5", lw=0.8, zorder=0)

@@ -73,12 +73,12 @@ def _run(options: Any, petsc: list[str]) -> int:
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
 
-    _keep_signals()
+    _configure_petsc(petsc)
     from elastune.app.cli.screen import Screen
     from elastune.app.run import run
 
     with Screen(scene) as screen:
-        summary, files = run(scene, folder, progress=screen, options=petsc)
+        summary, files = run(scene, folder, progress=screen)
         screen.finish(summary, files)
     return OK if summary.status == "converged" else NOT_CONVERGED
 
@@ -137,19 +137,23 @@ def _make(folder: Path) -> None:
         raise UserError(f"--out {folder}: cannot be written: Permission denied")
 
 
-def _keep_signals() -> None:
-    """Before PETSc starts: a closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report."""
-    os.environ["PETSC_OPTIONS"] = f"{os.environ.get('PETSC_OPTIONS', '')} -no_signal_handler"
+def _configure_petsc(options: Sequence[str] = ()) -> None:
+    """Before PETSc starts, which reads some of its options only then, such as -log_view.
+
+    A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
+    """
+    os.environ["PETSC_OPTIONS"] = " ".join([os.environ.get("PETSC_OPTIONS", ""), "-no_signal_handler", *options])
 
 
 def _stress(options: Any, petsc: list[str]) -> int:
     if not 0 < options.limit < float("inf"):
         raise UserError(f"--limit {options.limit:g}: expected a number of seconds greater than 0")
     _make(options.out)
-    _keep_signals()
+    _configure_petsc()
     from mpi4py import MPI
 
-    from elastune.app.stress.outcomes import Row, stress
+    from elastune.app.stress.cases import Row
+    from elastune.app.stress.outcomes import stress
     from elastune.app.stress.picture import matrix
     from elastune.forms.energy import MaterialError
     from elastune.forms.materials import get
@@ -212,7 +216,7 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     """The keys of a scene's material table that `tuned_energy` takes beside name, E and nu."""
     if not overrides:
         return {}
-    from elastune.app.scene.read import override
+    from elastune.app.scene.override import override
     from elastune.app.scene.schema import Material
 
     table: dict[str, Any] = {}

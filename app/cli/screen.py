@@ -10,9 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
-from elastune.app.body.body import Problem
-from elastune.app.results.record import Step, Summary
-from elastune.app.run import Progress
+from elastune.app.results.record import Record, Summary
+from elastune.app.run import Progress, Run
 from elastune.app.scene.schema import Scene
 
 
@@ -45,24 +44,25 @@ class Screen(Progress):
         if self.console.is_terminal:
             self.bar.stop()
 
-    def start(self, problem: Problem) -> None:
+    def start(self, run: Run) -> None:
         """What is about to be solved."""
-        ranks = f", {problem.comm.size} ranks" if problem.comm.size > 1 else ""
-        element = f"{problem.element} (auto: {problem.reason})" if problem.reason else problem.element
+        body = run.body
+        ranks = f", {body.comm.size} ranks" if body.comm.size > 1 else ""
+        element = f"{body.element} (auto: {run.reason})" if run.reason else body.element
         self.console.print(
             f"{self.scene.name}: {self.scene.material.name}, {element}, "
-            f"{problem.geometry.cells_count:,} cells, {problem.size:,} unknowns{ranks}"
+            f"{body.geometry.cells_count:,} cells, {body.size:,} unknowns{ranks}"
         )
 
     def increment(self, load: float, newton: int) -> None:
         """A load increment has converged."""
         self.bar.update(self.task, completed=load)
 
-    def step(self, step: Step) -> None:
+    def step(self, record: Record) -> None:
         """A step has been recorded."""
         self.console.print(
-            f"load {step.load:.4g}: energy {step.energy:.8g}, volume {step.volume_ratio:.5f}, "
-            f"least J {step.min_J:.4f}, {step.newton_iterations} Newton steps, {step.wall_s:.2f} s"
+            f"load {record.load:.4g}: energy {record.energy:.8g}, volume {record.volume_ratio:.5f}, "
+            f"least J {record.min_J:.4f}, {record.newton_iterations} Newton steps, {record.wall_s:.2f} s"
         )
 
     def finish(self, summary: Summary, files: Sequence[Path]) -> None:
@@ -75,7 +75,7 @@ class Screen(Progress):
             self.console.print(_told(summary.failure.diagnosis))
         if files:
             self.console.print(f"{summary.wall_s:.1f} s; results in {files[0].parent}: ", end="")
-            self.console.print(", ".join(file.name for file in files))
+            self.console.print(", ".join(file.name for file in files if file.is_file()))
 
 
 def _told(diagnosis: dict[str, Any]) -> str:

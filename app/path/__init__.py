@@ -1,1 +1,1 @@
-"""From rest to full load."""
+"""From rest to full load: recorded steps, increments that are cut back, predictions, recovery."""

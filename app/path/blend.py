@@ -1,4 +1,4 @@
-"""Where a load increment starts from: the tangent's prediction, or the prescribed motions blended through the body."""
+"""Carries the turning of faces into the body, harmonically."""
 
 from functools import cached_property
 
@@ -6,39 +6,46 @@ import dolfinx.fem.petsc
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from elastune.app.body.body import Array, Problem
-from elastune.app.body.constraints import rotated
+from elastune.app.body.body import Body
+from elastune.app.body.motions import Roller, Rotation
+from elastune.app.body.unknowns import State
+
+Array = NDArray[np.float64]
 
 
 class Blend:
-    """Carries the turning of faces into the body.
+    """Turns each point of a body by its share of a face's rotation.
 
     A straight line is a poor guess of a rotation: at a quarter turn, points in the middle of a twisted bar come
     near to its axis, and cells invert. Instead each point turns by its share of the angle, the harmonic
     function that is one on the turning face and zero on the others that are held.
+
+    Attributes:
+        turning: The rotations, by face.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, body: Body) -> None:
         """Solves for nothing yet."""
-        self.problem = problem
-        self.turning = {face: c.rotate for face, c in problem.scene.boundary.items() if c.rotate is not None}
+        self.body = body
+        self.turning = {face: m for face, m in body.constraints.motions.items() if isinstance(m, Rotation)}
 
     @cached_property
     def _shares(self) -> dict[str, Array]:
         """Values between 0 and 1 at the nodes, owned and ghost, by turning face."""
-        problem = self.problem
-        W, to_vector = problem.V.sub(0).collapse()
+        body = self.body
+        W, to_vector = body.V.sub(0).collapse()
         u, v = ufl.TrialFunction(W), ufl.TestFunction(W)
         laplace = fem.form(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
         facets = {
-            face: fem.locate_dofs_topological(W, problem.geometry.mesh.topology.dim - 1, problem.geometry.facets(face))
-            for face, condition in problem.scene.boundary.items()
-            if condition.holds and condition.roller is None
+            face: fem.locate_dofs_topological(W, body.geometry.mesh.topology.dim - 1, body.geometry.facets(face))
+            for face, motion in body.constraints.motions.items()
+            if not isinstance(motion, Roller)
         }
         # One array, or from dolfinx 0.10 on one for each cell type.
-        nodes = np.ravel(to_vector) // problem.dimension
+        nodes = np.ravel(to_vector) // body.dimension
         shares: dict[str, Array] = {}
         for turning in self.turning:
             # The turning face last, so that it has its way at shared edges.
@@ -49,18 +56,18 @@ class Blend:
             shares[turning][nodes] = own
         return shares
 
-    def predict(self, values: Array, start: float, end: float) -> Array:
-        """The displacements at load `end` of a body in balance at load `start`, the prescribed ones right."""
-        problem, d = self.problem, self.problem.dimension
-        rest = problem.V.tabulate_dof_coordinates()
-        displacement = np.zeros_like(rest)
-        displacement[:, :d] = problem.displacements(values).reshape(-1, d)
+    def turned(self, state: State, start: float) -> State:
+        """A state at whose load faces have turned on since load `start`, with the body behind them."""
+        body, d = self.body, self.body.dimension
+        body.take(state)
+        displacement = np.zeros_like(body.points)
+        displacement[:, :d] = body.u.x.array.reshape(-1, d)
         moved = displacement.copy()
-        for face, condition in self.turning.items():
-            angles = self._shares[face] * np.deg2rad((end - start) * condition.angle)
-            moved += rotated(condition, rest + displacement, angles)
-        guess = problem.with_displacements(values, moved[:, :d].ravel())
-        return np.where(problem.held, problem.prescribed(end), guess)
+        for face, rotation in self.turning.items():
+            angles = self._shares[face] * np.deg2rad((state.load - start) * rotation.angle)
+            moved += rotation.turned(body.points + displacement, angles)
+        values = body.layout.joined(moved[:, :d].ravel(), body.layout.split(state.values)[1])
+        return body.placed(values, state.load)
 
 
 def _solve(laplace: fem.Form, W: fem.FunctionSpace, conditions: list[fem.DirichletBC]) -> Array:
@@ -79,11 +86,13 @@ def _solve(laplace: fem.Form, W: fem.FunctionSpace, conditions: list[fem.Dirichl
     rhs, solution = A.createVecLeft(), A.createVecRight()
     rhs.array[:] = b.array[:owned]
     ksp = PETSc.KSP().create(W.mesh.comm)
+    ksp.setOptionsPrefix("blend_")
     ksp.setOperators(A)
     ksp.setType("cg")
     ksp.getPC().setType("gamg")
     # A guess needs no more.
     ksp.setTolerances(rtol=1e-4)
+    ksp.setFromOptions()
     ksp.solve(rhs, solution)
     result.array[:owned] = solution.array_r
     result.scatter_forward()

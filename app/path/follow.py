@@ -1,96 +1,135 @@
 """The load path: steps that are cut back where the minimiser fails and grow again where it does not."""
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from elastune.app.body.body import Array, Problem
-from elastune.app.body.shapes import started
-from elastune.app.errors import NotConverged
+from elastune.app.body.body import Body
+from elastune.app.body.shapes import Start, started
+from elastune.app.body.unknowns import State
 from elastune.app.path.blend import Blend
+from elastune.app.path.predict import predict
 from elastune.app.path.recover import recover
-from elastune.app.solvers.saddle import SaddlePoint
-from elastune.app.solvers.strategy import Minimizer
+from elastune.app.solvers.minimizer import Minimizer
+from elastune.app.solvers.options import Options
+from elastune.app.solvers.outcome import NotConverged, OutOfTime
 
 
 @dataclass(frozen=True)
-class State:
-    """A state in balance."""
+class Step:
+    """A part of the load path.
 
-    load: float
-    values: Array
+    Attributes:
+        start: Load factor that it sets out from.
+        end: Load factor that it leads to.
+        parts: Recorded steps in it.
+        name: What people call it.
+    """
+
+    start: float = 0.0
+    end: float = 1.0
+    parts: int = 1
+    name: str = ""
+
+    def goals(self) -> list[float]:
+        """The load factors of the recorded steps."""
+        return [self.start + (self.end - self.start) * number / self.parts for number in range(1, self.parts + 1)]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A recorded step.
+
+    Attributes:
+        number: From one on.
+        name: Of the part of the path.
+        state: In balance.
+        newton: Newton steps since the one before.
+        linear: Iterations of the linear solver, one a direct solve, since then.
+    """
+
+    number: int
+    name: str
+    state: State
     newton: int
     linear: int
 
+    @property
+    def load(self) -> float:
+        """The load factor."""
+        return self.state.load
 
-class LoadFailure(Exception):
-    """The load path ends before full load.
+
+class PathFailure(Exception):
+    """The load path ends before its end.
 
     Attributes:
         kind: See `NotConverged`.
         load: The load that was not reached.
-        values: Where the last attempt stopped, a vector, or None.
+        state: Where the last attempt stopped, or None.
     """
 
     def __init__(self, failure: NotConverged, load: float) -> None:
         super().__init__(str(failure))
-        self.kind = failure.kind
-        self.load = load
-        self.values: Array | None = failure.values
+        self.kind, self.load, self.state = failure.kind, load, failure.state
 
 
-def follow(problem: Problem, report: Callable[[float, int], None] | None = None) -> Iterator[State]:
-    """States in balance at the multiples of 1/steps, up to full load; before a failure the last one reached.
+def follow(
+    body: Body,
+    options: Options,
+    start: Start | None = None,
+    steps: Sequence[Step] | None = None,
+    report: Callable[[float, int], None] | None = None,
+) -> Iterator[Reached]:
+    """Recorded steps, the body holding each when it is yielded; before a failure the last state that was reached.
 
     Args:
-        problem: Starts from its reference shape, or the scene's start.
-        report: Told the load and the Newton steps so far after each increment, also between the multiples.
+        body: At rest.
+        options: How it is solved.
+        start: A shape to set out from instead of that at rest.
+        steps: Parts of the path; one to full load by default.
+        report: Told the load and the Newton steps so far after each increment, also between recorded steps.
 
     Raises:
-        LoadFailure: If increments of the smallest size fail, the start, or the time is up.
+        PathFailure: If increments of the smallest size fail, the start, or the time is up.
     """
-    solve = problem.scene.solve
-    minimizer = Minimizer(problem) if problem.p is None else SaddlePoint(problem)
-    blend = Blend(problem)
-    values = np.zeros_like(problem.state)
-    load, size = 0.0, 1.0 / solve.steps
-    start, recorded = problem.scene.start, 0.0
-    for number in range(1, solve.steps + 1):
-        goal = number / solve.steps
-        while load < goal:
-            # A remainder too small to be worth a step of its own joins this one.
-            target = goal if load + 1.01 * size >= goal else load + size
-            try:
-                if start is not None and isinstance(minimizer, Minimizer):
-                    problem.potential.load.value = target
-                    shape = np.where(problem.held, problem.prescribed(target), started(problem, start))
-                    values, start = recover(problem, minimizer, shape), None
-                else:
-                    values = minimizer.minimize(_guess(problem, minimizer, blend, values, load, target))
-            except NotConverged as failure:
-                size = (target - load) / 2
-                problem.potential.load.value = load
-                problem.set_state(values)
-                if start is not None or failure.kind == "time" or size < solve.smallest_step / solve.steps:
-                    if load > recorded:
-                        yield State(load, values, minimizer.count.newton, minimizer.count.linear)
-                    raise LoadFailure(failure, target) from None
-                continue
-            load = target
-            size = min(2 * size, 1.0 / solve.steps)
-            if report is not None:
-                report(load, minimizer.count.newton)
-        recorded = load
-        yield State(load, values, minimizer.count.newton, minimizer.count.linear)
-        minimizer.count.newton = minimizer.count.linear = 0
+    minimizer, blend = Minimizer(body, options), Blend(body)
+    count, number = minimizer.count, 0
+    state, recorded = State(np.zeros(body.layout.owned)), 0.0
 
+    def reached(name: str) -> Reached:
+        body.take(state)
+        return Reached(number, name, state, count.newton, count.linear)
 
-def _guess(
-    problem: Problem, minimizer: Minimizer | SaddlePoint, blend: Blend, values: Array, load: float, target: float
-) -> Array:
-    """The start of an increment: by the tangent, or where faces turn by the blended motion."""
-    if not blend.turning:
-        return minimizer.predict(values, target)
-    problem.potential.load.value = target
-    return blend.predict(values, load, target)
+    for step in steps or [Step(parts=options.steps)]:
+        largest = (step.end - step.start) / step.parts
+        size = largest
+        for goal in step.goals():
+            number += 1
+            while state.load != goal:
+                # A remainder too small to be worth a step of its own joins this one.
+                last = abs(goal - state.load) <= 1.01 * abs(size)
+                target = goal if last else state.load + size
+                try:
+                    if start is not None:
+                        shape = body.placed(started(body, start), target)
+                        state, start = recover(body, minimizer, shape, prove=last), None
+                    else:
+                        state = minimizer.minimize(predict(minimizer, blend, state, target), prove=last)
+                except NotConverged as failure:
+                    size = (target - state.load) / 2
+                    too_small = abs(size) < options.smallest_step * abs(largest)
+                    if start is not None or isinstance(failure, OutOfTime) or too_small:
+                        if state.load != recorded:
+                            yield reached(step.name)
+                        body.take(state)
+                        raise PathFailure(failure, target) from None
+                    continue
+                size = math.copysign(min(2 * abs(size), abs(largest)), largest)
+                if report is not None:
+                    report(state.load, count.newton)
+            recorded = state.load
+            yield reached(step.name)
+            count.newton = count.linear = 0

@@ -27,47 +27,48 @@ search stalls, the trust region takes over, which follows negative curvature by 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from elastune.app.body.body import Array, Problem
-from elastune.app.results.measures import Measures
-from elastune.app.scene.schema import Scene, material_energy
-from elastune.app.solvers.strategy import Minimizer
+import numpy as np
 
-# Poisson's ratio of the first stage, and the least volume ratio at which it has done its work.
-SOFT, UNTANGLED = 0.3, 0.5
+from elastune.app.body.body import Body
+from elastune.app.body.unknowns import State
+from elastune.app.solvers.minimizer import Minimizer
+
+# The least volume ratio at which the softened material has done its work.
+UNTANGLED = 0.5
 
 
-def recover(problem: Problem, minimizer: Minimizer, values: Array) -> Array:
+def recover(body: Body, minimizer: Minimizer, shape: State, prove: bool = False) -> State:
     """The minimiser from a shape with inverted and collapsed cells.
 
     Args:
-        problem: With its load set.
-        minimizer: Of the problem.
-        values: The shape, its prescribed displacements right.
+        body: At the shape's load.
+        minimizer: Of the body.
+        shape: Its prescribed displacements right.
+        prove: See `Minimizer.minimize`.
 
     Raises:
         NotConverged: If the body does not get home.
     """
-    measures = Measures(problem)
     # A long way is no reason to change the method.
-    patience = problem.scene.solve.max_iterations
-    if _can_soften(problem.scene):
-        with _softened(problem):
-            values = minimizer.minimize(values, lambda: measures.min_J() > UNTANGLED, patience)
-    return minimizer.minimize(values, patience=patience)
-
-
-def _can_soften(scene: Scene) -> bool:
-    return scene.material.nu is not None and scene.material.nu > SOFT
+    patience = minimizer.options.max_iterations
+    if body.softened is not None:
+        with _softened(body):
+            shape = minimizer.minimize(shape, lambda: body.volume.least_J() > UNTANGLED, patience)
+        # The same place, of which nothing is known any more.
+        shape = State(shape.values.copy(), shape.load)
+    return minimizer.minimize(shape, patience=patience, prove=prove)
 
 
 @contextmanager
-def _softened(problem: Problem) -> Iterator[None]:
+def _softened(body: Body) -> Iterator[None]:
     """The same material with another ν: its parameters are run-time constants, so that nothing is compiled."""
-    scene, parameters = problem.scene, problem.potential.parameters
-    soft = scene.model_copy(update={"material": scene.material.model_copy(update={"nu": SOFT})})
+    parameters = body.strain.parameters
+    assert body.softened is not None
     own = parameters.value.copy()
-    parameters.value[:] = material_energy(soft).constants()
+    parameters.value[:] = np.array(body.softened.constants())
+    body.assembly.forget()
     try:
         yield
     finally:
         parameters.value[:] = own
+        body.assembly.forget()

@@ -2,16 +2,16 @@
 
 from typing import Any
 
-import basix
 import numpy as np
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
 
-from elastune.app.body.body import Array, Problem
+from elastune.app.body.body import Array, Body
+from elastune.app.body.loads import Pull
+from elastune.app.body.unknowns import State
+from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS
 from elastune.forms.normalize import linearize
-from elastune.forms.spectral import pointwise
+from elastune.forms.spectral import pointwise, stress
 
 # Points whose tangent is examined on each rank: those of least volume and largest stretch.
 EXAMINED = 500
@@ -20,13 +20,15 @@ EXAMINED = 500
 _RAYS = np.array([[1, 1, 1], [1, 0, 0], [1, 1, 0], [1, -1, 0], [1, -0.5, -0.5], [1, 1, -2]])
 
 
-def diagnose(problem: Problem, values: Array | None, kind: str) -> dict[str, Any]:
+def diagnose(body: Body, options: Options, state: State | None, kind: str, started: bool = False) -> dict[str, Any]:
     """What a person needs to know about a failure; collective.
 
     Args:
-        problem: Its state is left as it is.
-        values: Where the last attempt stopped; the problem's state if None.
+        body: Its state is left as it is.
+        options: How it was solved.
+        state: Where the last attempt stopped; the body's state if None.
         kind: Of the failure, see `NotConverged`.
+        started: Whether the body set out from a shape other than that at rest.
 
     Returns:
         `inverted_cells` and the `worst_cells` with their places at rest, ranges of `J` and of the principal
@@ -34,114 +36,116 @@ def diagnose(problem: Problem, values: Array | None, kind: str) -> dict[str, Any
         whether it is `unbounded_below`, the least eigenvalue of the acoustic tensor relative to μ
         (`ellipticity`, lost where negative), why `locking` is likely or None, and `advice`.
     """
-    kept = problem.state
-    problem.set_state(kept if values is None else values)
+    kept = body.state
+    body.take(kept if state is None else state)
     try:
-        found = _shape(problem) | {
-            "residual": _residual(problem),
-            "energy": problem.energy_at(problem.state),
-            "unbounded_below": _unbounded(problem),
-            "locking": _locking(problem),
+        found = _shape(body) | {
+            "residual": _residual(body),
+            "energy": body.assembly.energy(body.state),
+            "unbounded_below": _unbounded(body),
+            "locking": _locking(body),
         }
     finally:
-        problem.set_state(kept)
-    return found | {"advice": _advice(problem, kind, found)}
+        body.take(kept)
+    return found | {"advice": _advice(body, options, started, kind, found)}
 
 
-def _shape(problem: Problem) -> dict[str, Any]:
+def _shape(body: Body) -> dict[str, Any]:
     """Volume ratios and stretches at the quadrature points, and where the material is not elliptic."""
-    mesh, d, comm = problem.geometry.mesh, problem.dimension, problem.comm
-    points, _ = basix.make_quadrature(mesh.basix_cell(), problem.quadrature)
-    gradient = fem.Expression(ufl.grad(problem.u), points)
-    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-    H = np.zeros((len(cells) * len(points), 3, 3))
-    H[:, :d, :d] = np.asarray(gradient.eval(mesh, cells)).reshape(-1, d, d)
+    mesh, points, comm = body.geometry.mesh, body.quadrature_points, body.comm
+    cells, H = points.owned, points.gradient(body.u)
     finite = np.asarray(np.isfinite(H).all(axis=(1, 2)))
     F = np.where(finite[:, None, None], np.eye(3) + H, np.eye(3))
-    J = np.where(finite, np.linalg.det(F), np.nan)
-    stretches = np.linalg.svd(F, compute_uv=False)
-    least = J.reshape(len(cells), len(points)).min(axis=1) if len(cells) else np.empty(0)
+    J, stretches = np.linalg.det(F), np.linalg.svd(F, compute_uv=False)
+    # Where the displacement is no number there is nothing to tell: of the other cells there is.
+    J[~finite], stretches[~finite] = np.nan, np.nan
+    by_cell = J.reshape(len(cells), points.count)
+    least = np.where(np.isfinite(by_cell).all(axis=1), by_cell.min(axis=1, initial=np.inf), np.inf)
     centers = mesh.geometry.x[mesh.geometry.dofmap[cells]].mean(axis=1) if len(cells) else np.empty((0, 3))
-    worst = [(float(least[i]), centers[i].tolist()) for i in np.argsort(least)[:5]]
+    worst = [(float(least[i]), centers[i].tolist()) for i in np.argsort(least)[:5] if np.isfinite(least[i])]
     worst = sorted(entry for entries in comm.allgather(worst) for entry in entries)[:5]
     extremes = np.union1d(np.argsort(J)[:EXAMINED], np.argsort(-stretches[:, 0])[:EXAMINED])
     return {
         "inverted_cells": comm.allreduce(int(np.sum(least <= 0))),
         "worst_cells": [{"J": value, "center": center} for value, center in worst],
-        "J": _range(problem, J),
-        "stretches": _range(problem, stretches),
-        "ellipticity": comm.allreduce(_ellipticity(problem, H[extremes[finite[extremes]]]), op=MPI.MIN),
+        "J": _range(body, J),
+        "stretches": _range(body, stretches),
+        "ellipticity": comm.allreduce(_ellipticity(body, H[extremes[finite[extremes]]]), op=MPI.MIN),
     }
 
 
-def _range(problem: Problem, values: Array) -> list[float]:
-    low = problem.comm.allreduce(float(values.min(initial=np.inf)), op=MPI.MIN)
-    return [low, problem.comm.allreduce(float(values.max(initial=-np.inf)), op=MPI.MAX)]
+def _range(body: Body, values: Array) -> list[float]:
+    """Least and largest of the numbers."""
+    low, high = np.fmin.reduce(values, None, initial=np.inf), np.fmax.reduce(values, None, initial=-np.inf)
+    return [body.comm.allreduce(float(low), op=MPI.MIN), body.comm.allreduce(float(high), op=MPI.MAX)]
 
 
-def _ellipticity(problem: Problem, H: Array) -> float:
+def _ellipticity(body: Body, H: Array) -> float:
     """Least eigenvalue of the acoustic tensor n·∂P/∂F·n over directions n and points, relative to μ.
 
+    In plane strain directions and motions are those of the plane: nothing can fold out of it.
+
     Args:
-        problem: Gives the energy.
+        body: Gives the energy.
         H: Displacement gradients, shape (n, 3, 3).
     """
-    energy = problem.energy
+    energy, d = body.energy, body.dimension
     if not energy.objective or not len(H):
         return np.inf
     with np.errstate(all="ignore"):
-        tangent = pointwise(energy, H, problem.scene.material.extension)[2].reshape(-1, 3, 3, 3, 3)
-    tangent = tangent[np.asarray(np.isfinite(tangent).all(axis=(1, 2, 3, 4)))]
-    # Fibonacci's points on the half sphere.
+        tangent = pointwise(energy, H, body.extension)[2].reshape(-1, 3, 3, 3, 3)
+    tangent = tangent[np.asarray(np.isfinite(tangent).all(axis=(1, 2, 3, 4)))][:, :d, :d, :d, :d]
     k = np.arange(60)
-    z, angle = (k + 0.5) / 60, k * np.pi * (3 - np.sqrt(5))
-    n = np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
+    if d == 2:
+        n = np.column_stack([np.cos(k * np.pi / 60), np.sin(k * np.pi / 60)])
+    else:
+        # Fibonacci's points on the half sphere.
+        z, angle = (k + 0.5) / 60, k * np.pi * (3 - np.sqrt(5))
+        n = np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
     acoustic = np.einsum("piJkL,dJ,dL->pdik", tangent, n, n, optimize=True)
     return float(np.linalg.eigvalsh(acoustic).min(initial=np.inf) / linearize(energy).lame_mu)
 
 
-def _residual(problem: Problem) -> dict[str, Any]:
+def _residual(body: Body) -> dict[str, Any]:
     """Norm of the forces out of balance, and where the largest of them is."""
-    residual = problem.residual_at(problem.state)
-    residual[problem.held] = 0.0
-    d, own = problem.dimension, problem.owned_displacements
-    forces = np.linalg.norm(residual[:own].reshape(-1, d), axis=1)
+    residual = np.where(body.held, 0.0, body.assembly.residual(body.state))
+    forces = np.linalg.norm(body.layout.nodal(residual), axis=1)
     place = int(np.argmax(forces)) if len(forces) else None
-    points = problem.V.tabulate_dof_coordinates()
+    points = body.points
     largest = (0.0, [0.0] * 3) if place is None else (float(forces[place]), points[place].tolist())
-    force, at = max(problem.comm.allgather(largest))
-    return {"norm": problem.norm(residual), "largest_force": force, "at": at}
+    force, at = max(body.comm.allgather(largest))
+    return {"norm": body.layout.norm(residual), "largest_force": force, "at": at}
 
 
-def _unbounded(problem: Problem) -> bool:
+def _unbounded(body: Body) -> bool:
     """Whether the body can lower its energy without end: by itself, or slower than a dead load does work."""
-    energy, scene = problem.energy, problem.scene
+    energy = body.energy
     if not energy.objective:
         return False
     far = np.array([1e-4, 1e-3, 1e3, 1e4])
     diagonals = (far[:, None, None] ** _RAYS).reshape(-1, 3)
     H = np.einsum("ni,ij->nij", diagonals - 1, np.eye(3))
     with np.errstate(all="ignore"):
-        psi = np.nan_to_num(pointwise(energy, H, scene.material.extension)[0], nan=np.inf) / linearize(energy).lame_mu
+        psi = np.nan_to_num(stress(energy, H, body.extension)[0], nan=np.inf) / linearize(energy).lame_mu
     if psi.min() < -1e2:
         return True
-    pulled = scene.body is not None or any(condition.kind == "pull" for condition in scene.boundary.values())
+    pulled = body.force is not None or any(isinstance(condition, Pull) for condition in body.conditions.values())
     return pulled and bool((psi / diagonals.max(axis=1))[diagonals.max(axis=1) >= 1e4].min() < 1e-2)
 
 
-def _locking(problem: Problem) -> str | None:
-    at_rest, element = linearize(problem.energy), ELEMENTS[problem.element]
+def _locking(body: Body) -> str | None:
+    at_rest, element = linearize(body.energy), ELEMENTS[body.element]
     nu = at_rest.poissons_ratio
-    limit = 0.45 if problem.element == "P1" else 0.495
+    limit = 0.45 if body.element == "P1" else 0.495
     if element.degree > 1 or nu < limit:
         return None
-    return f"{problem.element} at nu = {nu:.4g}: the cells have too few motions that keep their volume"
+    return f"{body.element} at nu = {nu:.4g}: the cells have too few motions that keep their volume"
 
 
-def _advice(problem: Problem, kind: str, found: dict[str, Any]) -> list[str]:
+def _advice(body: Body, options: Options, started: bool, kind: str, found: dict[str, Any]) -> list[str]:
     """Next things to try, the most promising first."""
-    solve, advice = problem.scene.solve, []
-    if kind == "undefined" and not problem.energy.inverts and problem.scene.material.extension is None:
+    advice = []
+    if kind == "undefined" and not body.energy.inverts and body.extension is None:
         advice.append("give material.extension = 0.25, which continues the energy through J = 0")
     if found["unbounded_below"]:
         advice.append("take another material or a smaller load: this energy has no minimum to find")
@@ -149,14 +153,14 @@ def _advice(problem: Problem, kind: str, found: dict[str, Any]) -> list[str]:
         advice.append("take another material: this one loses ellipticity there, and the mesh decides what folds")
     if found["locking"]:
         advice.append('set solve.element = "P2" or "Q2", or a mixed one: "P2-P1", "Q2-P1d"')
-    if not problem.potential.can_filter:
+    if not body.strain.can_filter:
         advice.append('set solve.assembly = "spectral", whose tangent can be filtered')
     if kind == "time":
-        advice.append(f"raise solve.time_limit above {solve.time_limit:g} s, or take fewer cells")
+        advice.append(f"raise solve.time_limit above {options.time_limit:g} s, or take fewer cells")
     if kind == "iterations":
-        advice.append(f"raise solve.max_iterations above {solve.max_iterations}")
-    if problem.scene.start is None and kind != "time":
-        advice.append(f"raise solve.steps above {solve.steps}, or lower solve.smallest_step")
-    if solve.method == "line-search" and kind in ("stalled", "iterations", "indefinite"):
+        advice.append(f"raise solve.max_iterations above {options.max_iterations}")
+    if not started and kind != "time":
+        advice.append(f"raise solve.steps above {options.steps}, or lower solve.smallest_step")
+    if options.method == "line-search" and kind in ("stalled", "iterations", "indefinite"):
         advice.append('set solve.method = "trust-region"')
     return advice or ["refine the mesh around the worst cells"]

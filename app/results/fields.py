@@ -4,23 +4,18 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property, partial
 from typing import Any
 
-import basix
 import numpy as np
-import ufl
 from dolfinx import fem
 from dolfinx.mesh import entities_to_geometry
 from numpy.typing import NDArray
 
-from elastune.forms.elements import ELEMENTS
-from elastune.forms.energy import Energy
-from elastune.forms.kinematics import GradientMeasures, deformation_gradient
-from elastune.forms.spectral import pointwise
-from elastune.forms.terms.mixed import mixed_response
-from elastune.forms.volumetric import Split
+from elastune.app.body.body import Body
+from elastune.forms import response
+from elastune.forms.terms import mixed_response
 
 Array = NDArray[Any]
 
-# Points evaluated at once: bounds the memory of the kernel's second derivatives, 81 numbers a point.
+# Points evaluated at once: bounds the memory that they take.
 BLOCK = 2**15
 
 
@@ -111,33 +106,15 @@ def stress(at: Samples) -> Array:
 
 
 class Fields:
-    """Fields of a displacement that changes; every method reads its present values.
+    """Fields of a body; every method reads its present state.
 
     Cell values are averages over the quadrature points, weighted by rest volume. A displacement of another
     degree than the mesh is interpolated to the nodes of the mesh.
     """
 
-    def __init__(
-        self,
-        u: fem.Function,
-        energy: Energy,
-        extension: float | None,
-        quadrature: int | None,
-        mixed: tuple[Split, fem.Function] | None = None,
-    ) -> None:
-        """Compiles the gradient of u, the only form that all fields share.
-
-        Args:
-            u: Displacement, vector Lagrange, 3D or 2D for plane strain.
-            energy: Strain-energy density.
-            extension: Stretch below which a singular energy is continued.
-            quadrature: Degree of the points; the element's own unless given.
-            mixed: Of a mixed element, the energy as it sees it and the pressure.
-        """
-        self._u, self._energy, self._extension = u, energy, extension
-        self._mesh = u.function_space.mesh
-        self._mixed = mixed
-        self._quadrature = quadrature or _quadrature_degree(u)
+    def __init__(self, body: Body) -> None:
+        """Of a body."""
+        self._body, self._mesh, self._u = body, body.geometry.mesh, body.u
 
     # ------------------------------------------------------------------ nodes
 
@@ -147,14 +124,12 @@ class Fields:
         if nodal is not self._u:
             nodal.interpolate(self._u)
         values = np.zeros((len(geometry.x), 3))
+        if not len(self._body.quadrature_points.all):
+            # dolfinx divides by the number of cells.
+            return values
         at_dofs = nodal.x.array.reshape(-1, geometry.dim)
         values[self._nodes, : geometry.dim] = at_dofs[nodal.function_space.dofmap.list]
         return values[: geometry.index_map().size_local]
-
-    def largest_displacement(self) -> float:
-        """Largest displacement of any of u's own nodes on this rank."""
-        values = self._u.x.array.reshape(-1, self._mesh.geometry.dim)
-        return float(np.sqrt(np.max(np.sum(values**2, axis=1), initial=0.0)))
 
     @cached_property
     def _nodal(self) -> fem.Function:
@@ -196,61 +171,19 @@ class Fields:
 
     def _blocks(self) -> Iterator[tuple[Samples, Array]]:
         """Samples of some cells at a time, and the volumes of their points, shape (cells, points)."""
-        points, d = len(self._weights), self._mesh.geometry.dim
-        owned = self._mesh.topology.index_map(self._mesh.topology.dim).size_local
-        size = max(1, BLOCK // points)
+        points = self._body.quadrature_points
+        size = max(1, BLOCK // points.count)
         # A rank without cells still gives one empty block, which carries the shapes.
-        for start in range(0, max(owned, 1), size):
-            cells = np.arange(start, min(start + size, owned), dtype=np.int32)
-            values = self._evaluate(self._gradient, cells).reshape(len(cells), points, d * d + 1)
-            H = np.zeros((len(cells) * points, 3, 3))
-            H[:, :d, :d] = values[..., :-1].reshape(-1, d, d)
-            yield Samples(H, partial(self._respond, cells=cells)), values[..., -1] * self._weights
+        for start in range(0, max(len(points.owned), 1), size):
+            cells = points.owned[start : start + size]
+            H = points.gradient(self._u, cells)
+            yield (
+                Samples(H, partial(self._respond, cells=cells)),
+                points.volumes(cells).reshape(len(cells), points.count),
+            )
 
     def _respond(self, H: Array, cells: NDArray[np.int32]) -> tuple[Array, Array]:
-        if self._mixed is not None:
-            return mixed_response(self._mixed[0], H, self._evaluate(self._pressure, cells).ravel())
-        if self._energy.objective:
-            psi, P, _ = pointwise(self._energy, H, extension=self._extension)
-            return psi, P
-        values = self._evaluate(self._small_strain_response, cells).reshape(-1, 10)
-        return values[:, 0], values[:, 1:].reshape(-1, 3, 3)
-
-    def _evaluate(self, expression: fem.Expression, cells: NDArray[np.int32]) -> Array:
-        return np.asarray(expression.eval(self._mesh, cells))
-
-    @cached_property
-    def _rule(self) -> tuple[Array, Array]:
-        points, weights = basix.make_quadrature(self._mesh.basix_cell(), self._quadrature)
-        return np.asarray(points), np.asarray(weights)
-
-    @property
-    def _weights(self) -> Array:
-        return self._rule[1]
-
-    @cached_property
-    def _gradient(self) -> fem.Expression:
-        """The gradient of u, row by row, and the volume of the reference map."""
-        grad, d = ufl.grad(self._u), self._mesh.geometry.dim
-        volume = abs(ufl.JacobianDeterminant(self._mesh))
-        return self._expression([grad[i, j] for i in range(d) for j in range(d)] + [volume])
-
-    @cached_property
-    def _small_strain_response(self) -> fem.Expression:
-        """ψ and P of an energy that is no function of stretches, by UFL."""
-        F = ufl.variable(deformation_gradient(self._u))
-        psi = self._energy.density(GradientMeasures(F))
-        P = ufl.diff(psi, F)
-        return self._expression([psi] + [P[i, j] for i in range(3) for j in range(3)])
-
-    @cached_property
-    def _pressure(self) -> fem.Expression:
-        return self._expression([] if self._mixed is None else [self._mixed[1]])
-
-    def _expression(self, components: list[Any]) -> fem.Expression:
-        return fem.Expression(ufl.as_vector(components), self._rule[0], comm=self._mesh.comm)
-
-
-def _quadrature_degree(u: fem.Function) -> int:
-    degree, cell = u.function_space.element.basix_element.degree, u.function_space.mesh.topology.cell_name()
-    return next(e.quadrature for e in ELEMENTS.values() if e.degree == degree and cell in e.cells)
+        body = self._body
+        if body.mixed is not None:
+            return mixed_response(body.mixed[0], H, body.quadrature_points.evaluate(body.mixed[1], cells).ravel())
+        return response.first(body.energy, H, body.extension)

@@ -1,96 +1,98 @@
-"""The only file that writes results: a run's folder, whole after every step."""
+"""The folder of a run: whole after every step."""
 
 import csv
 import io
 import json
 import logging
 import math
-import platform
-import resource
-import sys
 import tempfile
-import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
-from importlib import metadata
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from elastune.app.errors import SceneError, UserError
+from elastune import __version__
+from elastune.app.body.body import Body
+from elastune.app.errors import SceneError
+from elastune.app.results import xdmf
 from elastune.app.results.fields import Fields
-from elastune.app.results.pictures import curve as plots
-from elastune.app.results.record import Step, Summary
-from elastune.app.results.xdmf import FieldFile, WholeMesh, replace_text
-from elastune.app.scene.schema import Scene
-from elastune.forms.energy import Energy
-from elastune.forms.volumetric import Split
+from elastune.app.results.files import GrowingText, remove, replace_text
+from elastune.app.results.machine import peak_memory_mb, versions
+from elastune.app.results.pictures import curve, picture
+from elastune.app.results.record import Record, Summary
+from elastune.app.results.root import on_root
+from elastune.app.results.xdmf import FieldFile, WholeMesh
 
-T = TypeVar("T")
-Row = dict[str, float | int | None]
+SCENE, SUMMARY, HISTORY = "scene.toml", "summary.json", "history.csv"
+CURVE, PICTURE = "curve.png", "deformed.png"
+FILES = (SCENE, SUMMARY, HISTORY, xdmf.DOCUMENT, xdmf.DATA, CURVE, PICTURE)
 
-FILES = ("summary.json", "history.csv", "fields.xdmf", "fields.h5", "curve.png", "deformed.png")
+# How a scene that we have written begins: another is a person's own, and not to be lost.
+MARK = "# Written by elastune "
 
 log = logging.getLogger("elastune")
 
 
-class Output:
-    """The results of one run; every method is collective, and rank 0 writes.
+@dataclass(frozen=True)
+class Outputs:
+    """What is written beside `summary.json` and `history.csv`.
 
-    `history.csv` and the field file grow with every step, `summary.json` and the pictures come at the end. What
-    an earlier run left in the folder goes when a new one starts.
+    Attributes:
+        title: Above the curve.
+        fields: Names of `CELL_FIELDS`, and "displacement".
+        picture: Whether curve and deformed body are drawn.
     """
 
-    def __init__(self, folder: Path, scene: Scene, comm: MPI.Comm) -> None:
+    title: str = ""
+    fields: tuple[str, ...] = ("displacement",)
+    picture: bool = True
+
+
+class RunFolder:
+    """The results of one run; every method is collective, and rank 0 writes.
+
+    `history.csv` and the fields grow with every step, `summary.json` and the pictures come at the end. What an earlier
+    run left in the folder goes when a new one starts.
+    """
+
+    def __init__(self, folder: Path, outputs: Outputs, comm: MPI.Comm) -> None:
         """Checks that the folder can be made and written, and leaves nothing behind.
 
         Raises:
             SceneError: On every rank, if it cannot.
         """
-        self.folder, self._scene, self._comm = Path(folder), scene, comm
-        self._on_root(lambda: _try_folder(self.folder), SceneError)
-        self._steps: list[Step] = []
-        self._largest: dict[float, float] = {}
+        self.folder, self._outputs, self._comm = Path(folder), outputs, comm
+        on_root(comm, self.folder, lambda: _try_folder(self.folder), SceneError)
+        self._history: GrowingText | None = None
 
-    def start(
-        self,
-        u: dolfinx.fem.Function,
-        energy: Energy,
-        extension: float | None,
-        quadrature: int | None = None,
-        mixed: tuple[Split, dolfinx.fem.Function] | None = None,
-    ) -> None:
-        """Makes the folder and, if the scene asks for fields, writes those of the state before the first step.
+    def start(self, body: Body, scene: str = "") -> None:
+        """Makes the folder and, if fields are asked for, writes those of the state before the first step.
 
         Args:
-            u: The displacement; it holds the state whenever a step is written.
-            energy: Strain-energy density.
-            extension: Stretch below which a singular energy is continued.
-            quadrature: Degree of the points where fields are evaluated.
-            mixed: Of a mixed element, the energy as it sees it and the pressure.
+            body: Holds the state whenever a step is written.
+            scene: Text of the scene that repeats the run.
 
         Raises:
             UserError: On every rank, if a file cannot be written; the other methods likewise.
         """
-        self._mesh = u.function_space.mesh
-        self._fields = Fields(u, energy, extension, quadrature, mixed)
-        self._on_root(self._clear_folder)
-        if self._scene.output.fields:
+        self._body = body
+        self._fields = Fields(body)
+        self._on_root(lambda: self._clear(scene))
+        if self._outputs.fields:
             whole = self._whole
             self._file = self._on_root(lambda: FieldFile(self.folder, whole))
             self._write_fields(0.0)
 
-    def step(self, step: Step) -> None:
-        """Writes a converged step: its row of `history.csv`, and its fields with the load factor as time."""
-        self._steps.append(step)
-        self._largest[step.load] = self._comm.allreduce(self._fields.largest_displacement(), op=MPI.MAX)
-        self._on_root(lambda: self._write_history(self._steps))
-        if self._scene.output.fields:
-            self._write_fields(step.load)
+    def step(self, record: Record) -> None:
+        """Writes a recorded step: its row of `history.csv`, and its fields with the load factor as time."""
+        self._on_root(lambda: self._add(record))
+        if self._outputs.fields:
+            self._write_fields(record.load)
 
     def finish(self, summary: Summary) -> list[Path]:
         """Writes what is left, also of a run that failed; adds versions and memory to the summary.
@@ -99,23 +101,26 @@ class Output:
             The files of the run, on rank 0.
         """
         summary.versions = versions()
-        summary.peak_memory_mb = _peak_memory_mb(self._comm)
-        self._on_root(lambda: self._write_history(summary.steps))
+        summary.peak_memory_mb = peak_memory_mb(self._comm)
+        self._on_root(self._close)
         self._on_root(lambda: self._write_summary(summary))
-        if self._scene.output.picture:
+        if self._outputs.picture:
             data = self._picture_data()
-            self._on_root(lambda: self._draw("curve.png", lambda path: self._curve(path, summary)))
-            self._on_root(lambda: self._draw("deformed.png", lambda path: plots.picture(path, data)))
+            self._on_root(lambda: self._draw(CURVE, lambda path: self._draw_curve(path, summary)))
+            self._on_root(lambda: self._draw(PICTURE, lambda path: picture.picture(path, data)))
         return self._on_root(lambda: [path for name in FILES if (path := self.folder / name).exists()]) or []
+
+    def _on_root(self, task: Callable[[], Any]) -> Any:
+        return on_root(self._comm, self.folder, task)
 
     # ------------------------------------------------------------------ fields
 
     @cached_property
     def _whole(self) -> WholeMesh:
-        return WholeMesh(self._mesh)
+        return WholeMesh(self._body.geometry.mesh)
 
     def _write_fields(self, time: float) -> None:
-        asked, nodes, whole = self._scene.output.fields, {}, self._whole
+        asked, nodes, whole = self._outputs.fields, {}, self._whole
         if "displacement" in asked:
             nodes["displacement"] = whole.nodes_to_root(self._fields.displacement())
         own = self._fields.cells(name for name in asked if name != "displacement")
@@ -124,7 +129,7 @@ class Output:
 
     def _picture_data(self) -> dict[str, Any]:
         """The present shape and what colours it: the first of these fields asked for, or the displacement."""
-        whole, asked = self._whole, self._scene.output.fields
+        whole, asked = self._whole, self._outputs.fields
         displacement = whole.nodes_to_root(self._fields.displacement())
         name = next((name for name in ("von_mises", "J", "energy") if name in asked), None)
         if name is None:
@@ -143,45 +148,43 @@ class Output:
 
     # ------------------------------------------------------------------ on rank 0
 
-    def _clear_folder(self) -> None:
+    def _clear(self, scene: str) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
-        for name in FILES:
-            (self.folder / name).unlink(missing_ok=True)
+        xdmf.clear(self.folder)
+        for name in (SUMMARY, HISTORY, CURVE, PICTURE):
+            remove(self.folder / name)
+        if scene:
+            head = f"{MARK}{__version__}: the scene of this run, nothing left to defaults; elastune run repeats it.\n"
+            # Never away, not for a moment: it may be the one that is run.
+            replace_text(self.folder / SCENE, head + scene)
+        else:
+            remove(self.folder / SCENE)
 
-    def _write_history(self, steps: list[Step]) -> None:
-        rows = [self._row(step) for step in steps]
-        table = io.StringIO()
-        writer = csv.DictWriter(table, list(rows[0]) if rows else ["load"], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        replace_text(self.folder / "history.csv", table.getvalue())
+    def _add(self, record: Record) -> None:
+        row = _row(record)
+        if self._history is None:
+            self._history = GrowingText(self.folder / HISTORY, _line(row))
+        self._history.add(_line(row.values()))
+
+    def _close(self) -> None:
+        if self._outputs.fields and self._file:
+            self._file.close()
+        if self._history is None:
+            # The columns are known with the first record; a table without any has one.
+            replace_text(self.folder / HISTORY, _line(["load"]))
+        else:
+            self._history.close()
 
     def _write_summary(self, summary: Summary) -> None:
-        document = summary.as_dict()
-        for step in document["steps"]:
-            step["max_displacement"] = self._largest.get(step["load"])
-        text = json.dumps(_finite(document), indent=2, allow_nan=False)
-        replace_text(self.folder / "summary.json", text + "\n")
+        text = json.dumps(_finite(summary.as_dict()), indent=2, allow_nan=False)
+        replace_text(self.folder / SUMMARY, text + "\n")
 
-    def _row(self, step: Step) -> Row:
-        """A step as columns; reactions as reaction_FACE_x and so on."""
-        row: Row = {}
-        for name in Step.__dataclass_fields__:
-            value = getattr(step, name)
-            if name == "reaction":
-                for face, force in value.items():
-                    row |= {f"reaction_{face}_{axis}": part for axis, part in zip("xyz", force, strict=False)}
-            else:
-                row[name] = value
-        return row | {"max_displacement": self._largest.get(step.load)}
-
-    def _curve(self, path: Path, summary: Summary) -> None:
-        scene = self._scene
-        labels, points = plots.curve_points(scene.boundary, scene.body, summary.steps, self._largest)
-        title = scene.title or scene.name
+    def _draw_curve(self, path: Path, summary: Summary) -> None:
+        labels, points = curve.points(self._body.conditions, self._body.force, summary.steps)
+        title = self._outputs.title
         if summary.failure is not None:
             title += f"\nstopped before load {summary.failure.load:.4g}: {summary.failure.kind}"
-        plots.curve(path, points, labels, title)
+        curve.draw(points, labels, title).savefig(path, format="png")
 
     def _draw(self, name: str, draw: Callable[[Path], None]) -> None:
         """A picture that cannot be made is a warning: the numbers are there."""
@@ -190,49 +193,25 @@ class Output:
         except Exception as problem:
             log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
 
-    def _on_root(self, task: Callable[[], T], kind: type[UserError] = UserError) -> T | None:
-        """Runs a task on rank 0, which has its result; what goes wrong there is raised on every rank."""
-        result, reason, cause = None, None, None
-        if self._comm.rank == 0:
-            try:
-                result = task()
-            # Ranks that wait for rank 0 would wait for ever.
-            except Exception as problem:
-                reason = getattr(problem, "strerror", None) or " ".join(str(problem).split())
-                cause = problem
-        reason = self._comm.bcast(reason)
-        # A full disk, HDF5's own errors, no h5py; anything else is a mistake of ours.
-        if cause is not None and not isinstance(cause, OSError | RuntimeError | ImportError):
-            raise cause
-        if reason is not None:
-            raise kind(f"{self.folder}: cannot be written: {reason}") from cause
-        return result
+
+def _line(entries: Iterable[Any]) -> str:
+    """A line of a CSV table."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(entries)
+    return line.getvalue()
 
 
-def versions() -> dict[str, str]:
-    """Releases of what computed the results."""
-    from petsc4py import PETSc
-
-    return {
-        "elastune": _own_version(),
-        "dolfinx": dolfinx.__version__,
-        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),  # type: ignore[attr-defined]
-        "python": platform.python_version(),
-    }
-
-
-def _own_version() -> str:
-    # A checkout says its own; an installed older release must not answer for it.
-    project = Path(__file__).parents[2] / "pyproject.toml"
-    if project.is_file():
-        return str(tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"])
-    return metadata.version("elastune")
-
-
-def _peak_memory_mb(comm: MPI.Comm) -> float:
-    """Sum over the ranks of the most memory that each has had, in 10⁶ bytes."""
-    unit = 1 if sys.platform == "darwin" else 1024
-    return comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6)
+def _row(record: Record) -> dict[str, Any]:
+    """A record as columns; reactions as reaction_FACE_x and so on."""
+    row: dict[str, Any] = {}
+    for name in Record.__dataclass_fields__:
+        value = getattr(record, name)
+        if name == "reaction":
+            for face, force in value.items():
+                row |= {f"reaction_{face}_{axis}": part for axis, part in zip("xyz", force, strict=False)}
+        else:
+            row[name] = value
+    return row
 
 
 def _finite(value: Any) -> Any:
@@ -255,6 +234,9 @@ def _try_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        scene = folder / SCENE
+        if scene.is_file() and not scene.read_bytes().startswith(MARK.encode()):
+            raise FileExistsError(f"its {SCENE} is not of a run, and would be lost; choose another --out")
     finally:
         for path in made:
             with suppress(OSError):

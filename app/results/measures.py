@@ -1,50 +1,35 @@
-"""What is recorded of a state in balance: reactions, volume, the least volume ratio."""
+"""What is recorded of a state in balance: reactions, volume, the least volume ratio, the largest displacement."""
 
-import basix
 import numpy as np
-import ufl
-from dolfinx import fem
 from mpi4py import MPI
 
-from elastune.app.body.body import Problem
-from elastune.forms.kinematics import deformation_gradient
+from elastune.app.body.body import Body
+from elastune.app.results.quantities import force
 
 
 class Measures:
-    """Functionals of a problem's state, compiled once."""
+    """Functionals of a body's state."""
 
-    def __init__(self, problem: Problem) -> None:
-        """Compiles the volume and the volume ratio at the quadrature points."""
-        self.problem = problem
-        mesh = problem.geometry.mesh
-        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": problem.quadrature})
-        J = ufl.det(deformation_gradient(problem.u))
-        self._volume = fem.form(J * dx)
-        self._reference = self._total(fem.form(fem.Constant(mesh, 1.0) * dx))
-        points, _ = basix.make_quadrature(mesh.basix_cell(), problem.quadrature)
-        self._J = fem.Expression(J, points)
-        self._cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
-
-    def _total(self, form: fem.Form) -> float:
-        return self.problem.comm.allreduce(float(fem.assemble_scalar(form)))
+    def __init__(self, body: Body) -> None:
+        """Of a body."""
+        self.body = body
 
     def volume_ratio(self) -> float:
         """Deformed over reference volume of the body."""
-        return self._total(self._volume) / self._reference
+        return self.body.volume.ratio()
 
     def min_J(self) -> float:
         """Least volume ratio at any quadrature point."""
-        values = self._J.eval(self.problem.geometry.mesh, self._cells)
-        return self.problem.comm.allreduce(float(values.min(initial=np.inf)), op=MPI.MIN)
+        return self.body.volume.least_J()
+
+    def largest_displacement(self) -> float:
+        """Largest displacement of any node."""
+        nodal = self.body.layout.nodal(self.body.state.values)
+        return self.body.comm.allreduce(float(np.sqrt(np.max(np.sum(nodal**2, axis=1), initial=0.0))), op=MPI.MAX)
 
     def reactions(self) -> dict[str, list[float]]:
         """Force of each held face on the body, by component; a shared edge counts for each of its faces."""
-        problem, d = self.problem, self.problem.dimension
-        forces = problem.displacements(problem.residual_at(problem.state))
-        nodes = problem.owned_displacements // d
-        forces = np.where(problem.displacements(problem.held), forces, 0.0).reshape(-1, d)
-        reactions = {}
-        for face, blocks in problem.faces.items():
-            own = forces[blocks[blocks < nodes]].sum(axis=0)
-            reactions[face] = [float(total) for total in problem.comm.allreduce(own)]
-        return reactions
+        body = self.body
+        forces = body.layout.nodal(np.where(body.held, body.assembly.residual(body.state), 0.0))
+        faces = body.constraints.faces
+        return {face: force(body.u, forces, nodes)[: body.dimension].tolist() for face, nodes in faces.items()}

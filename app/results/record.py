@@ -5,8 +5,8 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Step:
-    """One converged load step.
+class Record:
+    """One recorded step.
 
     Attributes:
         load: Load factor, from 0 to 1.
@@ -17,6 +17,9 @@ class Step:
         newton_iterations: Newton steps spent, rejected attempts included.
         linear_iterations: Iterations of the linear solver; one a direct solve.
         wall_s: Seconds.
+        number: Of the recorded step, from one on.
+        name: Of the part of the load path.
+        max_displacement: Largest displacement of a node.
     """
 
     load: float
@@ -27,6 +30,9 @@ class Step:
     newton_iterations: int
     linear_iterations: int
     wall_s: float
+    number: int = 0
+    name: str = ""
+    max_displacement: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Summary:
     cells: int
     dofs: int
     ranks: int
-    steps: list[Step] = field(default_factory=list)
+    steps: list[Record] = field(default_factory=list)
     wall_s: float = 0.0
     peak_memory_mb: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)

@@ -1,7 +1,8 @@
-"""Time series for ParaView: one XDMF grid a step that holds all fields, the numbers in one HDF5 file."""
+"""Time series for ParaView: one XDMF grid a step that holds all fields, the numbers in HDF5 files."""
 
-import os
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 from dolfinx.mesh import Mesh
 from dolfinx.plot import vtk_mesh
 from numpy.typing import NDArray
+
+from elastune.app.results.files import GrowingText, remove, replace_bytes
 
 Array = NDArray[Any]
 
@@ -24,9 +27,20 @@ CELL_TYPES = {
     ("quadrilateral", 9): ("Quadrilateral_9", 28),
     ("hexahedron", 27): ("Hexahedron_27", 29),
 }
-# Bytes for HDF5's own notes on a step's arrays.
-SPARE = 2**17
 ATTRIBUTES = {(): "Scalar", (3,): "Vector", (3, 3): "Tensor"}
+
+# The file that refers to all others, and the folder of those.
+DOCUMENT, DATA = "fields.xdmf", "fields"
+OURS = re.compile(r"\.?(mesh|\d{4,})\.h5(\.part)?")
+HEAD = """<?xml version="1.0"?>
+<Xdmf Version="3.0">
+  <Domain>
+    <Grid Name="steps" GridType="Collection" CollectionType="Temporal">
+"""
+TAIL = """    </Grid>
+  </Domain>
+</Xdmf>
+"""
 
 
 class WholeMesh:
@@ -50,7 +64,8 @@ class WholeMesh:
         self._cell_order = self._order(mesh.topology.original_cell_index[:owned_cells])
 
         width = mesh.ufl_domain().ufl_coordinate_element().basix_element.dim
-        local = vtk_mesh(mesh)[0].reshape(-1, width + 1)[:, 1:]
+        # dolfinx divides by the number of cells.
+        local = vtk_mesh(mesh)[0].reshape(-1, width + 1)[:, 1:] if owned_cells else np.empty((0, width), dtype=np.int32)
         cells = self.cells_to_root(nodes.local_to_global(local.ravel().astype(np.int32)).reshape(-1, width))
         # Global numbers run through the ranks one after the other, as do the gathered nodes.
         position = np.empty(len(self._node_order), dtype=np.int32)
@@ -76,11 +91,12 @@ class WholeMesh:
 
 
 class FieldFile:
-    """`fields.xdmf` and `fields.h5`, written by one rank, complete after every step.
+    """`fields.xdmf` and the folder `fields`, written by one rank, complete after every step.
 
-    A reader may have the files open meanwhile. If the run is killed between two steps or in the middle of
-    one, the steps before stay readable: HDF5 adds its table of contents after the numbers, and the XDMF file
-    that refers to them is replaced last.
+    The mesh and each step have an HDF5 file of their own, which HDF5 makes in memory: it changes its files in place
+    and when it closes them, and a run that is killed there, or a disk that fills up, would cost what is in the file.
+    Its bytes are written aside and take their name when they are on the disk, and the XDMF file that refers to them
+    comes last. A reader may have the files open meanwhile.
     """
 
     def __init__(self, folder: Path, mesh: WholeMesh) -> None:
@@ -89,15 +105,11 @@ class FieldFile:
         Raises:
             OSError: If the file cannot be written.
         """
-        self._xdmf, self._h5 = folder / "fields.xdmf", folder / "fields.h5"
-        self._mesh = mesh
-        self._grids: list[str] = []
-        self._write({"mesh/points": mesh.points, "mesh/cells": mesh.cells}, mode="w")
-
-    @property
-    def paths(self) -> list[Path]:
-        """The files."""
-        return [self._xdmf, self._h5]
+        self._data = folder / DATA
+        self._xdmf = GrowingText(folder / DOCUMENT, HEAD, TAIL)
+        self._mesh, self._count = mesh, 0
+        self._data.mkdir(exist_ok=True)
+        self._write("mesh.h5", {"points": mesh.points, "cells": mesh.cells})
 
     def write(self, time: float, nodes: Mapping[str, Array], cells: Mapping[str, Array]) -> None:
         """Adds a step.
@@ -110,34 +122,24 @@ class FieldFile:
         Raises:
             OSError: If the file cannot be written.
         """
-        group = f"steps/{len(self._grids):04d}"
+        file = f"{self._count:04d}.h5"
         centers = [("Node", nodes), ("Cell", cells)]
         fields = [(name, center, values) for center, given in centers for name, values in given.items()]
-        self._write({f"{group}/{name}": _rows(values) for name, _, values in fields}, mode="a")
+        self._write(file, {name: _rows(values) for name, _, values in fields})
         attributes = [
             f'<Attribute Name="{name}" AttributeType="{ATTRIBUTES[values.shape[1:]]}" Center="{center}">'
-            f"{self._item(f'{group}/{name}', _rows(values))}</Attribute>"
+            f"{_item(file, name, _rows(values))}</Attribute>"
             for name, center, values in fields
         ]
-        self._grids.append(self._grid(time, attributes))
-        replace_text(self._xdmf, self._document())
+        self._xdmf.add(self._grid(time, attributes))
+        self._count += 1
 
-    def _write(self, datasets: dict[str, Array], mode: str) -> None:
-        import h5py
+    def close(self) -> None:
+        """No step comes after this."""
+        self._xdmf.close()
 
-        _reserve(self._h5, SPARE + sum(values.nbytes for values in datasets.values()))
-        # Without a lock: ParaView that looks at the file must not stop the run.
-        with h5py.File(self._h5, mode, locking=False) as file:
-            for name, values in datasets.items():
-                file[name] = values
-
-    def _item(self, name: str, values: Array) -> str:
-        kind = "Float" if values.dtype.kind == "f" else "Int"
-        dimensions = " ".join(map(str, values.shape))
-        return (
-            f'<DataItem Dimensions="{dimensions}" NumberType="{kind}" Precision="{values.itemsize}" '
-            f'Format="HDF">{self._h5.name}:/{name}</DataItem>'
-        )
+    def _write(self, name: str, datasets: dict[str, Array]) -> None:
+        replace_bytes(self._data / name, _hdf5(datasets))
 
     def _grid(self, time: float, attributes: list[str]) -> str:
         mesh = self._mesh
@@ -145,27 +147,39 @@ class FieldFile:
             '<Grid Name="body" GridType="Uniform">',
             f'  <Time Value="{time!r}"/>',
             f'  <Topology TopologyType="{mesh.topology}" NumberOfElements="{len(mesh.cells)}">'
-            f"{self._item('mesh/cells', mesh.cells)}</Topology>",
-            f'  <Geometry GeometryType="XYZ">{self._item("mesh/points", mesh.points)}</Geometry>',
+            f"{_item('mesh.h5', 'cells', mesh.cells)}</Topology>",
+            f'  <Geometry GeometryType="XYZ">{_item("mesh.h5", "points", mesh.points)}</Geometry>',
             *(f"  {attribute}" for attribute in attributes),
             "</Grid>",
         ]
-        return "\n".join(f"      {line}" for line in lines)
+        return "".join(f"      {line}\n" for line in lines)
 
-    def _document(self) -> str:
-        return "\n".join(
-            [
-                '<?xml version="1.0"?>',
-                '<Xdmf Version="3.0">',
-                "  <Domain>",
-                '    <Grid Name="steps" GridType="Collection" CollectionType="Temporal">',
-                *self._grids,
-                "    </Grid>",
-                "  </Domain>",
-                "</Xdmf>",
-                "",
-            ]
-        )
+
+def clear(folder: Path) -> None:
+    """Removes the field files of an earlier run, and nothing else that lies in their folder.
+
+    Raises:
+        OSError: If they cannot be removed.
+    """
+    remove(folder / DOCUMENT)
+    data = folder / DATA
+    if not data.is_dir():
+        return
+    for path in data.iterdir():
+        if OURS.fullmatch(path.name):
+            path.unlink()
+    with suppress(OSError):
+        # Not empty: somebody else's.
+        data.rmdir()
+
+
+def _item(file: str, name: str, values: Array) -> str:
+    kind = "Float" if values.dtype.kind == "f" else "Int"
+    dimensions = " ".join(map(str, values.shape))
+    return (
+        f'<DataItem Dimensions="{dimensions}" NumberType="{kind}" Precision="{values.itemsize}" '
+        f'Format="HDF">{DATA}/{file}:/{name}</DataItem>'
+    )
 
 
 def _rows(values: Array) -> Array:
@@ -173,35 +187,12 @@ def _rows(values: Array) -> Array:
     return values.reshape(len(values), 9) if values.ndim == 3 else values
 
 
-def _reserve(path: Path, size: int) -> None:
-    """Claims space on the disk behind the end of a file; HDF5 gives back what it does not use.
+def _hdf5(datasets: Mapping[str, Array]) -> bytes:
+    """An HDF5 file of arrays, as its bytes."""
+    import h5py
 
-    Raises:
-        OSError: If there is not enough; in the middle of a write, HDF5 would bring the process down.
-    """
-    if not hasattr(os, "posix_fallocate"):
-        return
-    with path.open("ab") as file:
-        end = file.seek(0, os.SEEK_END)
-        try:
-            os.posix_fallocate(file.fileno(), end, size)
-        except OSError:
-            file.truncate(end)
-            raise
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Writes a text file so that at any time either the old or the new one is there, whole.
-
-    Raises:
-        OSError: If it cannot be written.
-    """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with h5py.File("in memory", "w", driver="core", backing_store=False) as file:
+        for name, values in datasets.items():
+            file[name] = values
+        file.flush()
+        return bytes(file.id.get_file_image())

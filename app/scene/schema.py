@@ -2,9 +2,11 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from elastune.app.errors import SceneError
+from elastune.app.scene.complaints import Table
+from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS, MIXED_FROM, Choice, choose
 from elastune.forms.materials import MaterialError
 from elastune.forms.normalize import linearize
@@ -17,11 +19,7 @@ Vector = Annotated[list[Finite], Field(min_length=2, max_length=3)]
 Count = Annotated[int, Field(ge=1)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class Mesh(_Table):
+class Mesh(Table):
     """The body: a shape made by gmsh, or a `.msh` file whose physical groups name the faces."""
 
     shape: Literal["cube", "box", "cylinder", "square", "rectangle", "file"] = "cube"
@@ -40,23 +38,23 @@ class Mesh(_Table):
         return None if self.shape == "file" else 2 if self.shape in ("square", "rectangle") else 3
 
 
-class Solve(_Table):
+class Solve(Table):
     """How it is solved."""
 
     element: Literal[(*ELEMENTS, "auto")] = "auto"  # type: ignore[valid-type]
-    steps: Count = 10
-    tolerance: PositiveFloat = 1e-8
-    max_iterations: Count = 60
+    steps: Count = Options.steps
+    tolerance: PositiveFloat = Options.tolerance
+    max_iterations: Count = Options.max_iterations
     method: Literal["line-search", "trust-region"] = "line-search"
     filter: Literal["auto", "none", "clamp", "absolute"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
     assembly: Literal["auto", "ufl", "spectral"] = "auto"
     quadrature: Count | None = None
-    smallest_step: PositiveFloat = 1e-4
+    smallest_step: PositiveFloat = Options.smallest_step
     time_limit: PositiveFloat | None = None
 
 
-class Material(_Table):
+class Material(Table):
     """The energy, calibrated to E and ν before the run; without them the parameters stand as given."""
 
     name: str
@@ -71,7 +69,7 @@ class Material(_Table):
     extension: Annotated[float, Field(gt=0, le=0.9)] | None = None
 
 
-class Rotation(_Table):
+class Rotation(Table):
     """Rotation by an angle in degrees about an axis through a point."""
 
     axis: Annotated[list[Finite], Field(min_length=3, max_length=3)]
@@ -79,7 +77,7 @@ class Rotation(_Table):
     angle: Finite
 
 
-class Condition(_Table):
+class Condition(Table):
     """What happens to one face; exactly one of these.
 
     fix: no displacement. move: prescribed displacement. rotate: prescribed rotation. roller: no displacement
@@ -121,13 +119,13 @@ class Condition(_Table):
         return (self.kind in ("move", "pull") and any(value)) or (self.kind == "pressure" and value != 0)
 
 
-class Body(_Table):
+class Body(Table):
     """Loads on the volume."""
 
     force: Vector
 
 
-class Start(_Table):
+class Start(Table):
     """The shape from which the first load step sets out, instead of the body at rest.
 
     scramble: every node at random in the body's bounding box, enlarged about its centre to `volume` times its
@@ -143,7 +141,7 @@ class Start(_Table):
     pins: list[Vector] = []
 
 
-class Output(_Table):
+class Output(Table):
     """What is written beside `summary.json` and `history.csv`."""
 
     fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]] = [
@@ -152,7 +150,7 @@ class Output(_Table):
     picture: bool = True
 
 
-class Scene(_Table):
+class Scene(Table):
     """One file, one run."""
 
     title: str = ""

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from elastune.app.stress.outcomes import CELLS, OUTCOMES, RATIOS, SCENES, Row
+from elastune.app.results.pictures import style
+from elastune.app.stress.cases import CELLS, OUTCOMES, RATIOS, SCENES, Row
 
 _COLORS = {
     "converged": "#3b8f5a",
@@ -23,10 +24,6 @@ def matrix(rows: Sequence[Row], path: Path) -> None:
         rows: Of the table.
         path: PNG file.
     """
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot as plt
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
@@ -36,7 +33,8 @@ def matrix(rows: Sequence[Row], path: Path) -> None:
     for row in rows:
         image[materials.index(row.material), columns.index((row.scene, row.cell, row.nu))] = OUTCOMES.index(row.status)
 
-    figure, axes = plt.subplots(figsize=(14, 0.28 * len(materials) + 2.2), layout="constrained")
+    figure = style.figure((14, 0.28 * len(materials) + 2.2))
+    axes = figure.add_subplot()
     axes.pcolormesh(
         image, cmap=ListedColormap([_COLORS[outcome] for outcome in OUTCOMES]), vmin=-0.5, vmax=len(OUTCOMES) - 0.5,
         edgecolors="white", linewidth=0.6,
@@ -54,5 +52,4 @@ def matrix(rows: Sequence[Row], path: Path) -> None:
     counts = {outcome: sum(row.status == outcome for row in rows) for outcome in OUTCOMES}
     handles = [Patch(color=_COLORS[name], label=f"{name} {n}") for name, n in counts.items() if n]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    figure.savefig(path)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from elastune.app.errors import UserError
+from elastune.app.scene.override import assign
 from elastune.app.scene.read import parse
 from elastune.app.scene.schema import Scene
 from elastune.app.studies.schema import Settings, Study, StudyError, flatten
@@ -40,8 +41,8 @@ class Case:
     ranks: int
 
     @property
-    def key(self) -> str:
-        """Settings in a line, as `elastune run --set` takes them; with solver and ranks it tells cases apart."""
+    def line(self) -> str:
+        """Settings in a line, as `elastune run --set` takes them."""
         return " ".join(f"{name}={json.dumps(value)}" for name, value in sorted(self.settings.items()))
 
     @property
@@ -132,13 +133,9 @@ def make_scene(study: Study, settings: Settings) -> Scene:
         UserError: If it is impossible.
     """
     data = json.loads(json.dumps(study.scene))
-    for key, value in settings.items():
-        *parents, last = key.split(".")
-        table = data
-        for part in parents:
-            table = table.setdefault(part, {})
-        table[last] = value
     try:
+        for key, value in settings.items():
+            assign(data, key, value)
         return parse(data, Path(f"{study.name}.toml"))
     except UserError as error:
         given = ", ".join(f"{key} = {value!r}" for key, value in settings.items())
@@ -165,5 +162,5 @@ def _check(study: Study, case: Case) -> None:
                 f"expected a held face, {' or '.join(held)}"
             )
     if study.reference.stated and study.plot not in stated(study, case):
-        raise StudyError(f"{study.name}.toml: reference.stated: no {study.plot} for the case {case.key}")
+        raise StudyError(f"{study.name}.toml: reference.stated: no {study.plot} for the case {case.line}")
     references(study, case)

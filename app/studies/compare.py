@@ -11,8 +11,8 @@ from typing import Any
 from elastune.app.errors import UserError
 from elastune.app.studies.cases import Case, references, stated
 from elastune.app.studies.orders import fitted_order, limit, price
+from elastune.app.studies.records import Records
 from elastune.app.studies.schema import NORMS, Study
-from elastune.app.studies.store import Records, key_of
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class Comparison:
         self.curves: list[Curve] = []
         for case in found:
             curve = self._curve(case)
-            done = [record for record in records.of(key_of(case)) if record.converged]
+            done = [record for record in records.of(case) if record.converged]
             if not done:
-                curve.lost += [f"{r.entries['status']}: {r.entries['message']}" for r in records.of(key_of(case))]
+                curve.lost += [f"{r.entries['status']}: {r.entries['message']}" for r in records.of(case)]
                 continue
             seconds = [record.seconds for record in done]
             cells, dofs = int(done[0].entries["cells"]), int(done[0].entries["dofs"])
@@ -124,9 +124,9 @@ class Comparison:
             return stated(self.study, case)
         runs = []
         for reference in references(self.study, case):
-            record = self.records.of(key_of(reference))[0]
+            record = self.records.of(reference)[0]
             if not record.converged:
-                raise UserError(f"{self.study.name}.toml: reference {reference.key}: {record.entries['message']}")
+                raise UserError(f"{self.study.name}.toml: reference {reference.line}: {record.entries['message']}")
             runs.append(record.values)
         if len(runs) == 1:
             return runs[0]

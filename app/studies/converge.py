@@ -1,21 +1,17 @@
 """Runs a study: each case in a process of its own, what is there already left alone, tables and figures at the end."""
 
-import json
 import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from elastune.app.batch.process import CaseFailure, answer
 from elastune.app.errors import UserError
 from elastune.app.studies.cases import REFINEMENT, Case, cases, references
 from elastune.app.studies.compare import Comparison
 from elastune.app.studies.figures import draw
-from elastune.app.studies.schema import NORMS, Settings, Study
-from elastune.app.studies.store import Record, Records, key_of
+from elastune.app.studies.records import Record, Records
+from elastune.app.studies.schema import Settings, Study
 
 Report = Callable[[str], None]
 
@@ -37,8 +33,7 @@ def converge(study: Study, folder: Path, report: Report) -> list[Path]:
     if int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
         raise UserError("converge: expected one process, which starts the others: set ranks in the study's series")
     found = cases(study)
-    names = ["energy", "volume_ratio", *(NORMS if study.reference.manufactured else study.quantities)]
-    records = Records(folder / "cases.csv", names)
+    records = Records(study, folder)
     given_up: list[tuple[str, int, Settings]] = []
     for case in found:
         line = case.solver, case.ranks, case.curve_settings
@@ -48,7 +43,7 @@ def converge(study: Study, folder: Path, report: Report) -> list[Path]:
         for reference in references(study, case):
             _measure(study, reference, records, report, repeats=1)
     comparison = Comparison(study, found, records)
-    files = [records.path, *comparison.write(folder)]
+    files = [records.table.path, *comparison.write(folder)]
     return files + draw(study, comparison, folder)
 
 
@@ -56,7 +51,7 @@ def _measure(study: Study, case: Case, records: Records, report: Report, repeats
     """Runs a case as often as it lacks; whether finer ones of its curve are worth trying."""
     wanted = study.repeats if repeats is None else repeats
     while True:
-        done = records.of(key_of(case))
+        done = records.of(case)
         if done and (not done[0].converged or done[0].seconds > study.repeat_below or len(done) >= wanted):
             return done[0].entries["status"] != "timeout"
         measured = _run(study, case)
@@ -64,10 +59,10 @@ def _measure(study: Study, case: Case, records: Records, report: Report, repeats
             "curve": case.curve,
             "solver": case.solver,
             "ranks": case.ranks,
-            "settings": case.key,
+            "settings": case.line,
             "repeat": len(done) + 1,
         }
-        record = records.append(entries, measured["values"])
+        record = records.append(case, entries, measured["values"])
         report(_line(study, case, record))
 
 
@@ -80,8 +75,6 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         "manufactured": study.reference.manufactured,
         "quantities": {name: quantity.model_dump(exclude_none=True) for name, quantity in study.quantities.items()},
     }
-    launcher = ["mpirun", "-n", str(case.ranks)] if case.ranks > 1 else []
-    command = [*launcher, sys.executable, "-m", "elastune.app.studies.worker", json.dumps(request)]
     nothing: dict[str, Any] = {
         "element": case.scene.element,
         "cells": 0,
@@ -91,26 +84,10 @@ def _run(study: Study, case: Case) -> dict[str, Any]:
         "memory_mb": "nan",
         "values": {},
     }
-    # A session of its own, so that a case that is given up takes its compilers with it.
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
     try:
-        output, errors = process.communicate(timeout=study.timeout)
-    except subprocess.TimeoutExpired:
-        return nothing | {"status": "timeout", "message": f"not done after {study.timeout:g} s"}
-    finally:
-        if process.poll() is None:
-            # The ranks are no children of ours: mpirun ends them, if it is asked and not killed.
-            os.killpg(process.pid, signal.SIGTERM)
-            with suppress(subprocess.TimeoutExpired):
-                process.communicate(timeout=10)
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-    if process.returncode != 0:
-        reason = (errors.strip().splitlines() or [f"exit status {process.returncode}"])[-1]
-        return nothing | {"status": "failed", "message": reason}
-    return nothing | json.loads(output.strip().splitlines()[-1])
+        return nothing | answer("elastune.app.studies.worker", request, case.ranks, study.timeout)
+    except CaseFailure as failure:
+        return nothing | {"status": failure.status, "message": str(failure)}
 
 
 def _line(study: Study, case: Case, record: Record) -> str:

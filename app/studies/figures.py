@@ -4,12 +4,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+from elastune.app.results.pictures import style
+from elastune.app.results.pictures.style import COLOURS, GREYS
 from elastune.app.studies.compare import Comparison, Curve, Point
 from elastune.app.studies.schema import Study
 
-# Okabe and Ito's colours, told apart by the colour-blind too; those of solvers to compare with are greys.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a4fbf", "#8c6d31", "#b3476b", "#000000")
-GREYS = ("#8f8f8f", "#4d4d4d", "#b5b5b5")
 MARKERS = "osD^v<>phd"
 # More curves than this have a colour map and a legend beside them.
 MANY = 10
@@ -41,14 +40,11 @@ def draw(study: Study, comparison: Comparison, folder: Path) -> list[Path]:
 
 
 def _figure(study: Study, curves: list[Curve], path: Path, label: str) -> None:
-    # A figure without pyplot: no display, no state that others share.
-    from matplotlib.figure import Figure
-
     panels = list(dict.fromkeys(curve.panel for curve in curves))
     names = list(dict.fromkeys((curve.name, curve.solver) for curve in curves))
     many = len(names) > MANY
     width = 4.6 * len(panels) + (2.6 if many else 1.2)
-    figure = Figure(figsize=(width, 4.6), dpi=90 if many else 110, layout="constrained")
+    figure = style.figure((width, 4.6), 90 if many else 110)
     grid = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
     styles = _styles(names, many)
     for axes, panel in zip(grid, panels, strict=True):
@@ -109,9 +105,7 @@ def _dress(axes: Any, study: Study, panel: str, label: str, titled: bool) -> Non
     axes.set_xlabel(label)
     _number_ticks(axes.xaxis, 1.0, "")
     _number_ticks(axes.yaxis, 0.01, " %")
-    axes.grid(color="0.9", which="major")
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    style.dress(axes)
     if titled:
         axes.set_title(panel, fontsize=10)
     if "time" not in label:

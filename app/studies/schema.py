@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from elastune.app.errors import UserError
 from elastune.app.scene import files as toml
+from elastune.app.scene.complaints import Table, complaint
 from elastune.app.scene.read import load
 
 # Relative errors of a case with an exact solution: displacement, its gradient, first Piola-Kirchhoff stress,
@@ -24,11 +25,7 @@ class StudyError(UserError):
     """A study that cannot be run."""
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class Quantity(_Table):
+class Quantity(Table):
     """A number that is read off a solution, at full load: exactly one of `reaction` and `at`.
 
     reaction: The force of a held face on the body, `along` an axis, or its moment `about` one through the origin.
@@ -50,14 +47,14 @@ class Quantity(_Table):
         return self
 
 
-class Stated(_Table):
+class Stated(Table):
     """Known values of quantities, for the cases whose settings contain `where`."""
 
     where: Tables = {}
     values: dict[str, float]
 
 
-class Reference(_Table):
+class Reference(Table):
     """What is taken for the truth: exactly one of these.
 
     manufactured: The exact solution of `verify.exact`, which takes the place of the scene's boundary and loads.
@@ -81,11 +78,11 @@ class Reference(_Table):
         return self
 
 
-class Series(_Table):
+class Series(Table):
     """Cases of one kind.
 
     label: How the figures call it, before the values that vary.
-    solver: "elastune", or "tutorial" for the solver of `elastune.app.bench.tutorial`.
+    solver: "elastune", or "tutorial" for the solver of `elastune.app.verify.tutorial`.
     ranks: MPI processes a case.
     set: Keys of the scene.
     vary: Keys of the scene with a list of values each; every combination is a case.
@@ -98,7 +95,7 @@ class Series(_Table):
     vary: Tables = {}
 
 
-class Study(_Table):
+class Study(Table):
     """One file, one comparison.
 
     Attributes:
@@ -162,7 +159,7 @@ def load_study(source: str) -> Study:
     try:
         study = Study.model_validate({**data, "name": path.stem})
     except ValidationError as error:
-        raise StudyError(f"{path.name}: {_first(error)}") from None
+        raise StudyError(f"{path.name}: {complaint(error, data, Study, 'study')}") from None
     if isinstance(study.scene, dict):
         mesh = study.scene.get("mesh", {})
         if isinstance(mesh, dict) and isinstance(mesh.get("path"), str):
@@ -177,17 +174,3 @@ def load_study(source: str) -> Study:
 def shipped() -> list[str]:
     """Names of the shipped studies."""
     return toml.names(SHIPPED)
-
-
-def _first(error: ValidationError) -> str:
-    """The first of pydantic's complaints in one line; a key that is unknown may be why another is missing."""
-    problems = error.errors(include_url=False)
-    problem = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
-    key = ".".join(str(part) for part in problem["loc"] if part not in ("str", "dict[str,any]")) or "study"
-    if problem["type"] == "extra_forbidden":
-        return f"{key}: unknown key"
-    if problem["type"] == "missing":
-        return f"{key}: missing; every study needs it"
-    message = problem["msg"].removeprefix("Value error, ")
-    shown = "" if isinstance(problem["input"], dict) else f" = {problem['input']!r}"
-    return f"{key}{shown}: {message[:1].lower()}{message[1:]}"

@@ -5,11 +5,9 @@ As a program, `python -m elastune.app.studies.worker JSON`, it prints what it me
 
 import json
 import os
-import resource
 import sys
 import time
 import traceback
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,10 +17,11 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from elastune.app.body.body import Problem
 from elastune.app.errors import UserError
-from elastune.app.path.follow import LoadFailure, follow
-from elastune.app.results.measures import Measures
+from elastune.app.results.machine import peak_memory_mb
+from elastune.app.results.quantities import at_point, force, moment
+from elastune.app.run import Run, start
+from elastune.app.scene.build import options
 from elastune.app.scene.read import parse
 from elastune.app.scene.schema import Scene
 from elastune.app.studies.schema import Quantity
@@ -60,15 +59,11 @@ class Measured:
 def measure(scene: Scene, solver: str, manufactured: bool, quantities: dict[str, Quantity], comm: MPI.Comm) -> Measured:
     """Solves a scene and reads off what is asked; a failure is a result too."""
     solve = _tutorial if solver == "tutorial" else _manufactured if manufactured else _scene
-    with suppress(LoadFailure):
-        # Compiles the forms and loads the libraries, which is no part of what is measured.
-        solve(_coarse(scene), {}, comm)
+    # Compiles the forms and loads the libraries, which is no part of what is measured.
+    solve(_coarse(scene), {}, comm)
     comm.barrier()
-    try:
-        measured = solve(scene, quantities, comm)
-    except LoadFailure as failure:
-        measured = Measured("failed", str(failure))
-    measured.memory_mb = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)
+    measured = solve(scene, quantities, comm)
+    measured.memory_mb = peak_memory_mb(comm)
     return measured
 
 
@@ -82,17 +77,13 @@ def _coarse(scene: Scene) -> Scene:
 
 def _scene(scene: Scene, quantities: dict[str, Quantity], comm: MPI.Comm) -> Measured:
     began = time.perf_counter()
-    problem = Problem(scene, comm)
-    newton = sum(state.newton for state in follow(problem))
-    seconds = time.perf_counter() - began
-    measured = _record(problem, newton, seconds)
-    state = problem.state
-    forces = problem.displacements(problem.residual_at(state)).reshape(-1, problem.dimension)
-    measured.values = {
-        "energy": problem.energy_at(state),
-        "volume_ratio": Measures(problem).volume_ratio(),
-        **_values(quantities, problem.u, forces, problem.faces),
-    }
+    run = start(scene, comm)
+    measured, body = _solved(run, began), run.body
+    if measured.status == "converged":
+        forces = body.layout.nodal(body.assembly.residual(body.state))
+        last = run.summary.steps[-1]
+        measured.values = {"energy": last.energy, "volume_ratio": last.volume_ratio}
+        measured.values |= _values(quantities, body.u, forces, body.constraints.faces)
     return measured
 
 
@@ -101,24 +92,28 @@ def _manufactured(scene: Scene, quantities: dict[str, Quantity], comm: MPI.Comm)
 
     began = time.perf_counter()
     problem = Manufactured(scene, comm)
-    newton = sum(state.newton for state in follow(problem))
-    measured = _record(problem, newton, time.perf_counter() - began)
-    measured.values = problem.errors()
+    measured = _solved(Run(problem.body, options(scene)), began)
+    if measured.status == "converged":
+        measured.values = problem.errors()
     return measured
 
 
-def _record(problem: Problem, newton: int, seconds: float) -> Measured:
+def _solved(run: Run, began: float) -> Measured:
+    """What is recorded of a run, which ends here."""
+    summary = run.finish().summary
     return Measured(
-        element=problem.element,
-        cells=problem.geometry.cells_count,
-        dofs=problem.size,
-        newton=newton,
-        seconds=seconds,
+        summary.status,
+        "" if summary.failure is None else summary.failure.message,
+        summary.element,
+        summary.cells,
+        summary.dofs,
+        sum(step.newton_iterations for step in summary.steps),
+        time.perf_counter() - began,
     )
 
 
 def _tutorial(scene: Scene, quantities: dict[str, Quantity], comm: MPI.Comm) -> Measured:
-    from elastune.app.bench.tutorial import TutorialFailure, solve
+    from elastune.app.verify.tutorial import TutorialFailure, solve
 
     began = time.perf_counter()
     try:
@@ -146,26 +141,14 @@ def _values(
     quantities: dict[str, Quantity], u: fem.Function, forces: Array, faces: dict[str, NDArray[np.int32]]
 ) -> dict[str, float]:
     """Quantities of a displacement, from the nodal forces of shape (nodes, d)."""
-    V = u.function_space
-    owned, d = V.dofmap.index_map.size_local, V.dofmap.index_map_bs
-    comm, X = V.mesh.comm, V.tabulate_dof_coordinates()[:owned]
-    moved = X.copy()
-    moved[:, :d] += u.x.array.reshape(-1, d)[:owned]
     found = {}
     for name, quantity in quantities.items():
         axis = "xyz".index(quantity.along or quantity.about or "")
         if quantity.at is not None:
-            distance = np.linalg.norm(X - np.pad(quantity.at, (0, 3 - len(quantity.at))), axis=1)
-            nearest = int(distance.argmin()) if owned else None
-            own = (float(distance[nearest]), float((moved - X)[nearest, axis])) if owned else (np.inf, 0.0)
-            found[name] = min(comm.allgather(own))[1]
-            continue
-        nodes = faces[quantity.reaction or ""]
-        nodes = nodes[nodes < owned]
-        force = np.zeros((len(nodes), 3))
-        force[:, :d] = forces[nodes]
-        part = force if quantity.along else np.cross(moved[nodes], force)
-        found[name] = comm.allreduce(float(part[:, axis].sum()))
+            found[name] = float(at_point(u, quantity.at)[axis])
+        else:
+            total = force if quantity.along else moment
+            found[name] = float(total(u, forces, faces[quantity.reaction or ""])[axis])
     return found
 
 

@@ -3,35 +3,39 @@
 import basix
 import numpy as np
 import ufl
-from dolfinx import la
+from dolfinx import fem, la
 
-from elastune.app.body.body import Array, Problem
+from elastune.app.body.body import Array, Body
 from elastune.forms.energy import Energy
 from elastune.forms.evaluation import as_numpy
-from elastune.forms.kinematics import PrincipalStretches
+from elastune.forms.kinematics import GradientMeasures, PrincipalStretches, deformation_gradient
 from elastune.forms.spectral.choice import needs_eigenvalues
-from elastune.forms.terms.potential import Loads, Potential
 
 
-def out_of_balance(problem: Problem) -> float:
-    """Norm of the residual at the problem's state, without loads, over what is not prescribed.
+def out_of_balance(body: Body) -> float:
+    """Norm of the residual at the body's state, without loads, over what is not prescribed.
 
     UFL's own derivative of ψ(F), or where ψ needs eigenvalues, whose closed form UFL cannot differentiate at
     repeated stretches, the singular values of F in numpy.
     """
-    if needs_eigenvalues(problem.energy, problem.u):
-        forces = _by_singular_values(problem)
-    else:
-        reference = Potential(problem.energy, problem.u, problem.quadrature, Loads(), assembly="ufl")
-        forces = problem.force_at(problem.state, reference.internal)
-    forces[problem.held] = 0.0
-    return problem.norm(forces)
+    forces = _by_singular_values(body) if needs_eigenvalues(body.energy, body.u) else _by_ufl(body)
+    return body.layout.norm(np.where(body.held, 0.0, body.layout.joined(forces)))
 
 
-def _by_singular_values(problem: Problem) -> Array:
+def _by_ufl(body: Body) -> Array:
+    constants = fem.Constant(body.geometry.mesh, np.array(body.energy.constants()))
+    named = body.energy.unpack([constants[i] for i in range(len(constants.value))])
+    psi = body.energy.density(GradientMeasures(deformation_gradient(body.u)), named)
+    energy = psi * ufl.dx(body.geometry.mesh, metadata={"quadrature_degree": body.quadrature})
+    b = fem.assemble_vector(fem.form(ufl.derivative(energy, body.u, ufl.TestFunction(body.V))))
+    b.scatter_reverse(la.InsertMode.add)
+    return b.array
+
+
+def _by_singular_values(body: Body) -> Array:
     """∫P : ∂v/∂X dX with P = U diag(∂ψ/∂λ) Vᵀ, node by node."""
-    mesh, V, d = problem.geometry.mesh, problem.V, problem.dimension
-    points, weights = basix.make_quadrature(mesh.basix_cell(), problem.quadrature)
+    mesh, V, d = body.geometry.mesh, body.V, body.dimension
+    points, weights = basix.make_quadrature(mesh.basix_cell(), body.quadrature)
     cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
     nodes = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, :d]
     jacobian = np.einsum("cgi,kqg->cqik", nodes, _slopes(mesh.basix_cell(), mesh.geometry.cmap.degree, points))
@@ -39,15 +43,14 @@ def _by_singular_values(problem: Problem) -> Array:
     degree = V.element.basix_element.degree
     slopes = np.einsum("kqa,cqkj->cqaj", _slopes(mesh.basix_cell(), degree, points), np.linalg.inv(jacobian))
     dofs = V.dofmap.list[cells]
-    displacements = problem.u.x.array.reshape(-1, d)[dofs]
+    displacements = body.u.x.array.reshape(-1, d)[dofs]
     H = np.zeros((*volumes.shape, 3, 3))
     H[..., :d, :d] = np.einsum("cai,cqaj->cqij", displacements, slopes)
-    P = _first_piola_kirchhoff(problem.energy, np.eye(3) + H)[..., :d, :d]
+    P = _first_piola_kirchhoff(body.energy, np.eye(3) + H)[..., :d, :d]
     forces = la.vector(V.dofmap.index_map, V.dofmap.index_map_bs)
     forces.array[:] = 0.0
     np.add.at(forces.array.reshape(-1, d), dofs, np.einsum("cqij,cqaj,cq->cai", P, slopes, volumes))
     forces.scatter_reverse(la.InsertMode.add)
-    forces.scatter_forward()
     return forces.array
 
 

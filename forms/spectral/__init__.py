@@ -7,6 +7,6 @@ derivatives of ψ in the stretches: exact where forms through eigenvalues are no
 from elastune.forms.spectral.assembly import SpectralForms
 from elastune.forms.spectral.build import SpectralError
 from elastune.forms.spectral.choice import fastest
-from elastune.forms.spectral.points import pointwise
+from elastune.forms.spectral.points import pointwise, stress
 
-__all__ = ["SpectralError", "SpectralForms", "fastest", "pointwise"]
+__all__ = ["SpectralError", "SpectralForms", "fastest", "pointwise", "stress"]

@@ -15,7 +15,7 @@ _CELLS = ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
 
 
 class SpectralForms:
-    """Π(u) = ∫ ψ dX and its two derivatives, on all owned cells.
+    """Π(u) = ∫ ψ dX and its two derivatives, on owned cells.
 
     Attributes:
         constants: Values of the material's parameters in the order of `Energy.constants`; assigning to `.value`
@@ -23,7 +23,12 @@ class SpectralForms:
     """
 
     def __init__(
-        self, energy: Energy, u: Function, quadrature_degree: int | None = None, extension: float | None = None
+        self,
+        energy: Energy,
+        u: Function,
+        quadrature_degree: int | None = None,
+        extension: float | None = None,
+        cells: np.ndarray | None = None,
     ) -> None:
         """Checks what is asked; compilation waits for the first form.
 
@@ -33,6 +38,7 @@ class SpectralForms:
             quadrature_degree: By default 2(k - 1), at least 1, on simplices of order k and 2k on tensor cells.
             extension: σ_f, the stretch below which ψ continues as a polynomial (off by default), for energies
                 with a singularity at zero stretch.
+            cells: Those of this rank to integrate over; all that it owns by default.
 
         Raises:
             SpectralError: If the space is not such a one, or the threshold is not between 0 and 0.9.
@@ -41,6 +47,7 @@ class SpectralForms:
         check_extension(energy, extension)
         self.energy_density = energy
         self.u = u
+        self._cells = cells
         V = u.function_space
         degree = tables.default_quadrature_degree(V) if quadrature_degree is None else quadrature_degree
         self.quadrature_degree = degree
@@ -104,7 +111,8 @@ class SpectralForms:
     def _form(self, kernel: str, rank: int) -> Form:
         spaces = [self.u.function_space] * rank
         constants = [self.constants, self._control]
-        return compat.custom_form(build.address(self._library, kernel), spaces, self.u, constants, self._library)
+        address = build.address(self._library, kernel)
+        return compat.custom_form(address, spaces, self.u, constants, self._library, self._cells)
 
 
 def check_extension(energy: Energy, threshold: float | None) -> None:

@@ -44,14 +44,15 @@ def load(source: str, key: str, generate: Callable[[], str], comm: Any = None) -
         if not path.exists():
             _compile(source, generate(), path)
         return ctypes.CDLL(str(path))
-    error = None
+    # Ranks that wait for rank 0 would wait for ever, whatever goes wrong there.
+    error, cause = None, None
     if comm.rank == 0 and not path.exists():
         try:
             _compile(source, generate(), path)
-        except SpectralError as failure:
-            error = str(failure)
+        except Exception as failure:
+            error, cause = " ".join(str(failure).split()) or type(failure).__name__, failure
     if (error := comm.bcast(error)) is not None:
-        raise SpectralError(error)
+        raise SpectralError(error) from cause
     if not path.exists():
         # Another machine's rank, with a cache of its own.
         _compile(source, generate(), path)
@@ -98,7 +99,14 @@ def _processor() -> str:
 
 
 def _compile(source: str, generated: str, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _compile_aside(source, generated, path)
+    except OSError as failure:
+        raise SpectralError(f"{path.parent}: kernels cannot be written: {failure.strerror}") from None
+
+
+def _compile_aside(source: str, generated: str, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".elastune-") as folder:
         Path(folder, "generated.h").write_text(generated)
         output = Path(folder, "kernel.so")

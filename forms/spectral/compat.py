@@ -13,9 +13,14 @@ _BEFORE_0_10 = tuple(int(part) for part in version("fenics-dolfinx").split(".")[
 
 
 def custom_form(
-    kernel: int, spaces: Sequence[FunctionSpace], u: Function, constants: Sequence[Any], library: Any
+    kernel: int,
+    spaces: Sequence[FunctionSpace],
+    u: Function,
+    constants: Sequence[Any],
+    library: Any,
+    cells: np.ndarray | None = None,
 ) -> Form:
-    """A form over the owned cells of the mesh of u, with one kernel of the UFCx signature.
+    """A form over cells of the mesh of u, with one kernel of the UFCx signature.
 
     Args:
         kernel: Address of the kernel.
@@ -23,9 +28,11 @@ def custom_form(
         u: The only coefficient.
         constants: dolfinx constants, packed one after the other.
         library: What must stay alive as long as the form.
+        cells: Those of this rank; all that it owns by default.
     """
     mesh = u.function_space.mesh
-    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
+    if cells is None:
+        cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local, dtype=np.int32)
     integrals = {IntegralType.cell: [(0, kernel, cells, np.array([0], dtype=np.int8))]}
     form = form_cpp_class(np.float64)(
         [space._cpp_object for space in spaces],

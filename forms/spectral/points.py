@@ -29,6 +29,23 @@ def pointwise(
     Raises:
         SpectralError: If the filter, the threshold or the shape of H is impossible.
     """
+    psi, P, D = _evaluated(energy, H, extension, filter, second=True)
+    return psi, P, D
+
+
+def stress(energy: Energy, H: np.ndarray, extension: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """ψ and P alone, see `pointwise`, whose second derivatives are most of its work.
+
+    Raises:
+        SpectralError: If the threshold or the shape of H is impossible.
+    """
+    psi, P, _ = _evaluated(energy, H, extension, "none", second=False)
+    return psi, P
+
+
+def _evaluated(
+    energy: Energy, H: np.ndarray, extension: float | None, filter: str, second: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     gradients = np.ascontiguousarray(H, dtype=np.float64)
     if gradients.ndim != 3 or gradients.shape[1:] != (3, 3):
         raise SpectralError(f"H: expected shape (n, 3, 3), got {gradients.shape}")
@@ -39,8 +56,8 @@ def pointwise(
     key = density.signature(energy, extended)
     library = build.load("pointwise.c", key, lambda: f"{_MACROS}{density.code(energy, extended)}")
     n = len(gradients)
-    psi, P, D = np.empty(n), np.empty((n, 3, 3)), np.empty((n, 9, 9))
+    psi, P, D = np.empty(n), np.empty((n, 3, 3)), np.empty((n if second else 0, 9, 9))
     constants = np.array([*energy.constants(), FILTERS.index(filter), extension or 0.0])
-    arrays = [ctypes.c_void_p(array.ctypes.data) for array in (gradients, constants, psi, P, D)]
-    library.pointwise(ctypes.c_int64(n), *arrays)
+    arrays = [ctypes.c_void_p(array.ctypes.data) for array in (gradients, constants, psi, P)]
+    library.pointwise(ctypes.c_int64(n), *arrays, ctypes.c_void_p(D.ctypes.data if second else None))
     return psi, P, D

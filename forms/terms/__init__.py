@@ -1,1 +1,22 @@
-"""Π as a sum of named terms."""
+"""Π as a sum of named terms: what each adds to energy, forces and tangent."""
+
+from elastune.forms.terms.dead_loads import DeadLoads
+from elastune.forms.terms.domain import Domain, face_degree
+from elastune.forms.terms.follower import FollowerPressure
+from elastune.forms.terms.pressure_field import PressureField, mixed_response
+from elastune.forms.terms.strain import StrainEnergy
+from elastune.forms.terms.term import RAW, Convexity, Fields, Term
+
+__all__ = [
+    "RAW",
+    "Convexity",
+    "DeadLoads",
+    "Domain",
+    "Fields",
+    "FollowerPressure",
+    "PressureField",
+    "StrainEnergy",
+    "Term",
+    "face_degree",
+    "mixed_response",
+]

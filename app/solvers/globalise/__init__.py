@@ -1,1 +1,1 @@
-"""What keeps Newton's method on its way down."""
+"""What keeps Newton's method on its way down: balance, merit, line search, and ways off saddle points."""

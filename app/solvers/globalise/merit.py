@@ -1,132 +1,166 @@
-"""How good a state is: Π with its gradient, and the line search that lowers it."""
+"""What a step is to lower: Π, an augmented Lagrangian of mixed elements, or without a potential the forces."""
+
+from abc import ABC, abstractmethod
 
 import numpy as np
 from mpi4py import MPI
 
-from elastune.app.body.body import Array, Problem
-from elastune.app.errors import NotConverged
+from elastune.app.body.body import Body
+from elastune.app.body.unknowns import Array, State
+from elastune.app.solvers.globalise.balance import Balance
+from elastune.app.solvers.globalise.linesearch import Line, backtrack, extend
 
 # A filtered tangent is too stiff where it took negative curvature away: its step may be this many times too short.
 LONGEST = 32.0
 
-# Of the largest forces on the way, in the scale of what is small where they all vanish.
-SHARE = 1e-2
+# A step of mixed elements that is shorter than this, of a whole one, comes from a tangent that says nothing.
+SHORTEST = 1e-3
 
 
-class Merit:
-    """Π and its gradient at the iterate, and the line search along a step.
+class Merit(ABC):
+    """A function of the state that falls from iterate to iterate."""
 
-    Without a potential (follower pressure) the residual's norm takes the energy's place.
+    def __init__(self, body: Body, balance: Balance) -> None:
+        """Of a body."""
+        self.body, self.balance = body, balance
 
-    Attributes:
-        values: The iterate.
-        value: Π, or half the square of the residual's norm.
-        gradient: Forces out of balance, zero at the prescribed displacements.
-        scale: Norm of internal or external forces, whichever is larger, reactions among them; at least a share
-            of the largest on the way, or of the body's stiffness if that is less, for a body that comes to rest.
-    """
+    @abstractmethod
+    def value(self, state: State) -> float:
+        """How good a state is to start from; not finite where none can."""
 
-    def __init__(self, problem: Problem, values: Array) -> None:
-        """Evaluates at the first iterate.
-
-        Raises:
-            NotConverged: If the energy is not finite there.
-        """
-        self.problem = problem
-        self.conservative = problem.potential.loads.conservative
-        self.values = values
-        self.scale = self._largest = 0.0
-        self.gradient = self._gradient(values)
-        self.value = self._value(values, self.gradient)
-        if not np.isfinite(self.value):
-            raise NotConverged("undefined", "the energy is not finite at the start of the step", values)
-
-    @property
-    def error(self) -> float:
-        """Norm of the forces out of balance, relative to the scale; zero where it is rounding."""
-        norm = self.problem.norm(self.gradient)
-        # Displacements are rounded relative to the body's extent.
-        return 0.0 if norm <= 16 * np.finfo(np.float64).eps * self.problem.stiffness else norm / self.scale
-
-    def _gradient(self, values: Array) -> Array:
-        problem = self.problem
-        gradient = problem.force_at(values, problem.potential.internal)
-        scale = problem.norm(gradient)
-        if problem.potential.external:
-            external = problem.force_at(values, problem.potential.external)
-            scale = max(scale, problem.norm(external))
-            gradient = gradient + external
-        self._largest = max(self._largest, scale)
-        self.scale = max(scale, SHARE * min(self._largest, problem.stiffness))
-        gradient[problem.held] = 0.0
-        return gradient
-
-    def _value(self, values: Array, gradient: Array) -> float:
-        if self.conservative:
-            return self.problem.energy_at(values)
-        return 0.5 * self.problem.norm(gradient) ** 2
-
-    def descends(self, step: Array) -> bool:
-        """Whether a step goes downhill."""
-        return not self.conservative or self.problem.dot(self.gradient, step) < 0
-
-    def search(self, step: Array, filtered: bool) -> float | None:
-        """Moves along a step; its accepted length, or None if no length lowers the merit.
-
-        Backtracking with the sufficient decrease of Armijo; where the decrease drowns in the rounding of Π the
-        slope decides instead (the approximate Wolfe condition of Hager & Zhang 2005), or the forces. The step of a
-        filtered tangent knows nothing of what lies far away: it moves no node by more than half the body's size at
-        first, and is doubled as long as Π falls.
+    @abstractmethod
+    def search(self, state: State, step: Array, filtered: bool, counted: bool) -> State | None:
+        """The state after a step, shortened or lengthened; None if no length lowers the merit.
 
         Args:
-            step: A direction of descent.
+            state: The iterate.
+            step: A direction, a vector.
             filtered: Whether a filtered tangent gave it.
+            counted: Whether the tangent's eigenvalues were counted.
         """
-        problem = self.problem
-        slope = problem.dot(self.gradient, step) if self.conservative else -2 * self.value
-        rounding = 1e-13 * abs(self.value) + 1e-16
-        length = min(1.0, problem.extent / 2 / _largest(problem, step)) if filtered else 1.0
+
+    def _first(self, step: Array, filtered: bool) -> float:
+        """A whole step, or as much as terms allow; of a filtered tangent, which sees not far, at most half the body."""
+        body = self.body
+        largest = max(float(np.abs(body.layout.split(step)[0]).max(initial=0.0)), 1e-300)
+        first = min(1.0, body.extent / 2 / body.comm.allreduce(largest, op=MPI.MAX)) if filtered else 1.0
+        return min([first, *(term.longest(step) for term in body.terms)])
+
+
+class Energy(Merit):
+    """Π itself.
+
+    Where its decrease drowns in rounding the slope decides instead (the approximate Wolfe condition of Hager & Zhang
+    2005), or the forces. The step of a filtered tangent is doubled as long as Π falls.
+    """
+
+    def value(self, state: State) -> float:
+        """Π."""
+        return self.body.assembly.energy(state)
+
+    def search(self, state: State, step: Array, filtered: bool, counted: bool) -> State | None:
+        """See `Merit`."""
+        body, balance, assembly = self.body, self.balance, self.body.assembly
+        gradient = balance.out_of_balance(state)
+        slope = body.layout.dot(gradient, step)
+        if not slope < 0:
+            return None
+        norm = body.layout.norm(gradient)
+        # Of the trials, those looked at twice.
+        trials: dict[float, State] = {}
+
+        def trial(length: float) -> State:
+            return trials.setdefault(length, moved(state, step, length))
+
+        def agrees(length: float) -> bool:
+            forces = balance.out_of_balance(trial(length))
+            return abs(body.layout.dot(forces, step)) <= 0.9 * abs(slope) or body.layout.norm(forces) < norm
+
+        # A body of no energy has rounding too.
+        rounding = assembly.noise(state) + 1e-16 * body.stiffness * body.extent
+        line = Line(lambda length: assembly.energy(trial(length)), assembly.energy(state), slope, rounding, agrees)
+        length = backtrack(line, self._first(step, filtered))
+        if length is None:
+            return None
+        if filtered and length == 1.0 and line.value(length) < line.start - rounding:
+            length = extend(line, length, LONGEST)
+        return trial(length)
+
+
+class AugmentedLagrangian(Merit):
+    """Π(u, p̂) + γ/2 |∂Π/∂p (u, p̂)|² at the pressure p̂ that a step aims at.
+
+    Newton's direction is one of descent of it for large enough γ, and its own Newton direction, so that steps end up
+    whole; unlike the energy with the pressure eliminated, it does not punish a step for the volume that it changes to
+    second order with an infinite λ.
+
+    Reference:
+        Nocedal & Wright 2006, Numerical Optimization, Sections 17.3, 18.4.
+    """
+
+    def value(self, state: State) -> float:
+        """The error, finite where the forces are."""
+        return self.balance.error(state)
+
+    def search(self, state: State, step: Array, filtered: bool, counted: bool) -> State | None:
+        """See `Merit`; the step's pressures are cut where they aim at what no volume ratio of the material has."""
+        body, assembly, layout = self.body, self.body.assembly, self.body.layout
+        motion, pressures = layout.joined(step), step - layout.joined(step)
         for _ in range(30):
-            trial = self.values + length * step
-            value = problem.energy_at(trial) if self.conservative else np.nan
-            gradient = None
-            if not self.conservative:
-                gradient = self._gradient(trial)
-                value = self._value(trial, gradient)
-            if np.isfinite(value):
-                accepted = value <= self.value + 1e-4 * length * slope
-                if not accepted and self.conservative and value <= self.value + rounding:
-                    gradient = self._gradient(trial)
-                    accepted = abs(problem.dot(gradient, step)) <= 0.9 * abs(slope)
-                    accepted = accepted or problem.norm(gradient) < problem.norm(self.gradient)
-                if accepted:
-                    if filtered and length == 1.0 and value < self.value - rounding:
-                        length, gradient = self._extended(step, value), None
-                    self._move(self.values + length * step, gradient)
-                    return length
-                curvature = 2 * (value - self.value - length * slope)
-                best = -slope * length**2 / curvature if curvature > 0 else 0.5 * length
-                length = float(np.clip(best, 0.1 * length, 0.5 * length))
-            else:
-                length *= 0.5
-        return None
-
-    def _extended(self, step: Array, value: float) -> float:
-        """The length, a power of two, after which Π rises again."""
-        length = 1.0
-        while length < LONGEST:
-            farther = self.problem.energy_at(self.values + 2 * length * step)
-            if not farther < value:
+            aim = State(state.values + pressures, state.load)
+            residual = self.balance.out_of_balance(aim)
+            if np.isfinite(layout.norm(residual)):
                 break
-            length, value = 2 * length, farther
-        return length
+            pressures = 0.5 * pressures
+        slope = layout.dot(residual, motion)
+        squared = body.squared_strain(layout.split(residual)[1])
+        weight = body.strain.shear_modulus
+        if slope > 0:
+            # Of a tangent whose eigenvalues nobody counted, a large weight is a sign that they are wrong.
+            limit = np.inf if counted else 10 * weight
+            weight = max(weight, 2 * slope / squared) if squared > 0 else np.inf
+            if not weight < limit:
+                return None
 
-    def _move(self, values: Array, gradient: Array | None) -> None:
-        self.values = values
-        self.gradient = self._gradient(values) if gradient is None else gradient
-        self.value = self._value(values, self.gradient)
+        def value(length: float) -> float:
+            trial = moved(aim, motion, length)
+            return assembly.energy(trial) + weight / 2 * body.squared_strain(assembly.strains(trial))
+
+        start = assembly.energy(aim) + weight / 2 * squared
+        rounding = assembly.noise(aim) + 1e-16 * body.stiffness * body.extent
+        line = Line(value, start, slope - weight * squared, rounding)
+        length = backtrack(line, min(1.0, self._first(step, False)), SHORTEST)
+        return None if length is None else State(state.values + length * (motion + pressures), state.load)
 
 
-def _largest(problem: Problem, step: Array) -> float:
-    """The largest displacement of a node, along an axis; never zero."""
-    return problem.comm.allreduce(float(np.abs(step).max(initial=1e-300)), op=MPI.MAX)
+class Forces(Merit):
+    """Half the square of the forces out of balance and of volume strains, relative to their scales at the iterate."""
+
+    def value(self, state: State) -> float:
+        """The error, finite where the forces are."""
+        return self.balance.error(state)
+
+    def search(self, state: State, step: Array, filtered: bool, counted: bool) -> State | None:
+        """See `Merit`; there is no energy that would tell whether a longer step is a better one."""
+        scales = self.balance.scales(state)
+        trials: dict[float, State] = {}
+
+        def value(length: float) -> float:
+            here = trials.setdefault(length, moved(state, step, length))
+            return 0.5 * sum((part / scale) ** 2 for part, scale in zip(self.balance.parts(here), scales, strict=True))
+
+        start = value(0.0)
+        length = backtrack(Line(value, start, -2 * start), self._first(step, filtered))
+        return None if length is None else trials[length]
+
+
+def choose(body: Body, balance: Balance) -> Merit:
+    """The merit of a body's problem."""
+    if not body.conservative:
+        return Forces(body, balance)
+    return Energy(body, balance) if body.p is None else AugmentedLagrangian(body, balance)
+
+
+def moved(state: State, step: Array, length: float) -> State:
+    """A state farther along."""
+    return State(state.values + length * step, state.load)

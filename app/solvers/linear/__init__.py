@@ -1,1 +1,1 @@
-"""Solvers of linear systems with the tangent."""
+"""Linear systems with the tangent: one interface, a file a method."""

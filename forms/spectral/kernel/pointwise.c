@@ -15,7 +15,7 @@
 
 #include "filter.h"
 
-static void one_batch(const lanes H[3][3], const double *c, lanes *psi, lanes P[9], lanes D[9][9])
+static void one_batch(const lanes H[3][3], const double *c, lanes *psi, lanes P[9], lanes D[9][9], int second)
 {
   struct frame f;
   struct jet jet = {0};
@@ -23,9 +23,6 @@ static void one_batch(const lanes H[3][3], const double *c, lanes *psi, lanes P[
   decompose(H, &f);
   energy_density(&f, c, &jet);
   principal_stress(&f, c, &jet);
-  tangent_blocks(&f, c, &b);
-  if ((int)c[FILTER])
-    filter_blocks(&b, (int)c[FILTER]);
   *psi = jet.psi;
   lanes M[3][3][9];
   for (int m = 0; m < 3; ++m)
@@ -33,8 +30,14 @@ static void one_batch(const lanes H[3][3], const double *c, lanes *psi, lanes P[
       for (int x = 0; x < 9; ++x)
         M[m][n][x] = f.U[m][x / 3] * f.V[n][x % 3];
   for (int x = 0; x < 9; ++x)
-  {
     P[x] = jet.p[0] * M[0][0][x] + jet.p[1] * M[1][1][x] + jet.p[2] * M[2][2][x];
+  if (!second)
+    return;
+  tangent_blocks(&f, c, &b);
+  if ((int)c[FILTER])
+    filter_blocks(&b, (int)c[FILTER]);
+  for (int x = 0; x < 9; ++x)
+  {
     for (int y = 0; y < 9; ++y)
     {
       lanes d = all(0);
@@ -52,7 +55,7 @@ static void one_batch(const lanes H[3][3], const double *c, lanes *psi, lanes P[
   }
 }
 
-/* H has shape (n, 3, 3), c the material's constants, then filter and threshold. */
+/* H has shape (n, 3, 3), c the material's constants, then filter and threshold; D may be null. */
 void pointwise(int64_t n, const double *H, const double *c, double *psi, double *P, double *D)
 {
   for (int64_t start = 0; start < n; start += LANES)
@@ -60,14 +63,14 @@ void pointwise(int64_t n, const double *H, const double *c, double *psi, double 
     lanes h[3][3], value, p[9], d[9][9];
     for (int x = 0; x < 9; ++x)
       FOR_LANES LANE(h[x / 3][x % 3], l) = H[9 * (start + l < n ? start + l : n - 1) + x];
-    one_batch(h, c, &value, p, d);
+    one_batch(h, c, &value, p, d, D != 0);
     for (int l = 0; l < LANES && start + l < n; ++l)
     {
       psi[start + l] = LANE(value, l);
       for (int x = 0; x < 9; ++x)
       {
         P[9 * (start + l) + x] = LANE(p[x], l);
-        for (int y = 0; y < 9; ++y)
+        for (int y = 0; D && y < 9; ++y)
           D[81 * (start + l) + 9 * x + y] = LANE(d[x][y], l);
       }
     }

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from elastune import geometry
-from elastune.app.body.constraints import prescribed_motion
+from elastune.app.body.motions import Motion
 from elastune.app.errors import SceneError
+from elastune.app.scene.build import condition as built
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
 from elastune.forms.kinematics import GradientMeasures, deformation_gradient
 
@@ -70,7 +71,9 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
     for face, condition in scene.boundary.items():
         faces[face] = fem.locate_dofs_topological(V, d - 1, body.facets(face))
         motion = fem.Function(V)
-        motions.append((motion, condition))
+        prescribed = built(condition)
+        assert isinstance(prescribed, Motion)
+        motions.append((motion, prescribed))
         conditions.append(fem.dirichletbc(motion, faces[face]))
 
     energy = material_energy(scene)
@@ -93,8 +96,8 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
 
     newton = 0
     for step in range(1, scene.solve.steps + 1):
-        for motion, condition in motions:
-            moved = prescribed_motion(condition, V.tabulate_dof_coordinates(), step / scene.solve.steps)
+        for motion, prescribed in motions:
+            moved = prescribed.displacements(V.tabulate_dof_coordinates(), step / scene.solve.steps)
             motion.x.array[:] = moved[:, :d].ravel()
         iterations, converged = solver.solve(u)
         newton += iterations

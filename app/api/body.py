@@ -1,0 +1,69 @@
+"""Bodies in Python: any mesh with named faces, a material, and what happens to the faces."""
+
+from collections.abc import Mapping
+
+from elastune.app.api.material import Material
+from elastune.app.body.body import Body
+from elastune.app.body.loads import BodyForce
+from elastune.app.body.motions import Condition, Motion
+from elastune.app.errors import UserError
+from elastune.forms.elements import ELEMENTS, MIXED_FROM, choose
+from elastune.forms.energy import MaterialError
+from elastune.forms.volumetric import split
+from elastune.geometry import Geometry
+
+
+def body(
+    geometry: Geometry,
+    material: Material,
+    conditions: Mapping[str, Condition],
+    *,
+    element: str = "auto",
+    force: BodyForce | None = None,
+) -> Body:
+    """A body at rest, which `elastune.solve` takes.
+
+    Args:
+        geometry: Mesh and named faces: of `elastune.geometry.build(comm, ...)`, or around any dolfinx mesh,
+            `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`.
+        material: Its energy.
+        conditions: What happens to the faces, by name; faces without are free.
+        element: Name of an element that lives on the mesh's cells; chosen by material and mesh unless given.
+        force: Load on the volume.
+
+    Raises:
+        UserError: If mesh, faces, conditions and element do not go together.
+        MaterialError: If the element cannot take the material.
+    """
+    mesh = geometry.mesh
+    faces, cell = mesh.topology.dim - 1, mesh.topology.cell_name()
+    if mesh.geometry.dim != mesh.topology.dim or mesh.geometry.dim not in (2, 3):
+        raise UserError(f"mesh: expected one of 2 or 3 dimensions, got {mesh.topology.dim} in {mesh.geometry.dim}")
+    if geometry.facet_tags.dim != faces:
+        raise UserError(f"facet_tags: expected tags of facets, of dimension {faces}, got {geometry.facet_tags.dim}")
+    name = _chosen(material, cell, geometry.cells_count) if element == "auto" else element
+    if name not in ELEMENTS or cell not in ELEMENTS[name].cells:
+        fitting = [key for key, kind in ELEMENTS.items() if cell in kind.cells]
+        raise UserError(f'element = "{name}": expected one of {", ".join(fitting)} on {cell} cells')
+    if material.energy.incompressible and ELEMENTS[name].pressure is None:
+        raise MaterialError(f"{material.energy.name}: nu = 0.5 needs a mixed element, got {name}")
+    if not any(isinstance(condition, Motion) for condition in conditions.values()):
+        raise UserError(
+            "conditions: nothing holds the body; expected Clamp, Translation, Rotation or Roller on some face"
+        )
+    for face in conditions:
+        if face in geometry.faces and not mesh.comm.allreduce(len(geometry.facets(face))):
+            raise UserError(f"faces: {face!r}: no facet has its tag, {geometry.faces[face]}")
+    # A mesh that another program made may know its facets only.
+    mesh.topology.create_connectivity(faces, faces + 1)
+    return Body(geometry, material.energy, name, conditions, force)
+
+
+def _chosen(material: Material, cell: str, cells: int) -> str:
+    """The element that reaches a given error in the least time; a mixed one only where it can be."""
+    mixed = material.nu >= MIXED_FROM
+    try:
+        split(material.energy)
+    except MaterialError:
+        mixed = False
+    return choose(cell, mixed, cells).element

@@ -1,0 +1,1 @@
+"""Many cases: their table, and ways to share them."""

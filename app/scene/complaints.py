@@ -1,0 +1,86 @@
+"""Tables of our files, read strictly, and what pydantic has against one, in a line."""
+
+import difflib
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+
+class Table(BaseModel):
+    """A table with no other keys than those that it names; what is read cannot be changed."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+def complaint(error: ValidationError, data: dict[str, Any], model: type[Table], what: str) -> str:
+    """The most telling of pydantic's complaints in one line: key = value: what was expected.
+
+    Args:
+        error: All of them.
+        data: The tables that were read.
+        model: What they were to be.
+        what: What a file of them is called, e.g. "scene".
+    """
+    problem = _most_telling(error.errors(include_url=False))
+    location, kind, given = problem["loc"], problem["type"], problem["input"]
+    keys = _keys(location, data, missing=kind == "missing")
+    key = ".".join(map(str, keys)) or what
+    if kind == "extra_forbidden":
+        return f"{key}: unknown key; {_expected(model, keys)}"
+    if kind == "missing":
+        owner = next((name for name in reversed(keys[:-1]) if isinstance(name, str)), what)
+        return f"{key}: missing; every {owner} needs it"
+    message = problem["msg"].removeprefix("Value error, ")
+    if kind in ("model_type", "dict_type"):
+        message = "expected a table of keys"
+    shown = "" if isinstance(given, dict) else f" = {given!r}"
+    return f"{key}{shown}: {message[:1].lower()}{message[1:]}"
+
+
+def _most_telling(problems: list[Any]) -> Any:
+    """The first; but an unknown key may be why one is missing, and of a union the longest branch says most."""
+    unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
+    if unknown and problems[0]["type"] == "missing":
+        return unknown[0]
+    start = problems[0]["loc"][:-1]
+    of_one = all(problem["loc"][: len(start)] == start for problem in problems)
+    return max(problems, key=lambda problem: len(problem["loc"])) if of_one else problems[0]
+
+
+def _keys(location: tuple[Any, ...], data: Any, missing: bool) -> list[Any]:
+    """A location without what is pydantic's own, such as the branches of a union."""
+    keys: list[Any] = []
+    for part in location[:-1] if missing else location:
+        if (isinstance(data, dict) and part in data) or (isinstance(data, list) and isinstance(part, int)):
+            keys.append(part)
+            data = data[part]
+    return [*keys, location[-1]] if missing else keys
+
+
+def _expected(model: type[Table], keys: list[Any]) -> str:
+    """What an unknown key may have been meant for."""
+    owners: list[Any] = [model]
+    for key in keys[:-1]:
+        owners = [branch for owner in owners for branch in _branches(_within(owner, key))]
+    known = [owner for owner in owners if isinstance(owner, type) and issubclass(owner, BaseModel)]
+    names = [name for owner in known for name, field in owner.model_fields.items() if not field.exclude]
+    near = difflib.get_close_matches(str(keys[-1]), names, 1)
+    return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(names)}"
+
+
+def _within(annotation: Any, key: Any) -> Any:
+    """The annotation of what a key of a table, or a place in a list, holds."""
+    if get_origin(annotation) in (dict, list):
+        return get_args(annotation)[-1]
+    field = getattr(annotation, "model_fields", {}).get(key)
+    return None if field is None else field.annotation
+
+
+def _branches(annotation: Any) -> list[Any]:
+    """The annotations that a union is made of."""
+    if get_origin(annotation) is Annotated:
+        return _branches(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [found for branch in get_args(annotation) for found in _branches(branch)]
+    return [annotation]

@@ -1,0 +1,102 @@
+"""How a minimisation ends short, what was spent, and when the time is up."""
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+from mpi4py import MPI
+
+from elastune.app.body.unknowns import State
+
+
+class NotConverged(Exception):
+    """The minimiser stopped short.
+
+    Attributes:
+        kind: One word, by class.
+        state: Where it stopped, or None.
+    """
+
+    kind: ClassVar[str] = ""
+
+    def __init__(self, message: str, state: State | None = None) -> None:
+        super().__init__(message)
+        self.state = state
+
+
+class Undefined(NotConverged):
+    """The energy or the forces are not finite where a step has to start."""
+
+    kind = "undefined"
+
+
+class TooManySteps(NotConverged):
+    """Newton's method has had its steps."""
+
+    kind = "iterations"
+
+
+class LinearFailure(NotConverged):
+    """The linear solver broke down."""
+
+    kind = "linear"
+
+
+class OutOfTime(NotConverged):
+    """The time limit has passed."""
+
+    kind = "time"
+
+
+class LeadOn(NotConverged):
+    """Newton's method cannot go on by itself, but may from elsewhere."""
+
+
+class Indefinite(LeadOn):
+    """The tangent gives no direction of descent, however filtered."""
+
+    kind = "indefinite"
+
+
+class Stalled(LeadOn):
+    """No step along any direction lowers the merit."""
+
+    kind = "stalled"
+
+
+class Saddle(LeadOn):
+    """A state in balance, or nearly so, that is no minimum."""
+
+    kind = "saddle"
+
+
+class Crawling(LeadOn):
+    """Many filtered steps in a row lead nowhere."""
+
+    kind = "crawling"
+
+
+@dataclass
+class Count:
+    """What was spent."""
+
+    newton: int = 0
+    linear: int = 0
+
+
+class Deadline:
+    """The moment at which the time is up, counted from now."""
+
+    def __init__(self, comm: MPI.Comm, limit: float | None) -> None:
+        """Without a limit there is none."""
+        self._comm, self._limit = comm, limit
+        self._end = None if limit is None else time.monotonic() + limit
+
+    def check(self, state: State) -> None:
+        """Stops all ranks together.
+
+        Raises:
+            OutOfTime: If the time is up on any of them.
+        """
+        if self._end is not None and self._comm.allreduce(time.monotonic() > self._end):
+            raise OutOfTime(f"stopped after the {self._limit:g} s of solve.time_limit", state)
