@@ -1,0 +1,33 @@
+"""What a scene leaves, and where it sets out from."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from elastune.app.scene.complaints import Table
+from elastune.app.scene.schema.types import PositiveFloat, Vector
+
+
+class Start(Table):
+    """The shape from which the first load step sets out, instead of the body at rest.
+
+    scramble: every node at random in the body's bounding box, enlarged about its centre to `volume` times its
+    volume. plane, line, point: collapsed onto the plane through the centre across `axis`, the line along it, or
+    the centre. inside-out: mirrored in that plane. pins: points of the body whose nodes stay where they are at
+    rest, from start to end.
+    """
+
+    shape: Literal["scramble", "plane", "line", "point", "inside-out"]
+    seed: Annotated[int, Field(ge=0)] = 0
+    volume: PositiveFloat = 2.0
+    axis: Literal["x", "y", "z"] = "x"
+    pins: list[Vector] = []
+
+
+class Output(Table):
+    """What is written beside `summary.json` and `history.csv`."""
+
+    fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]] = [
+        "displacement"
+    ]
+    picture: bool = True
