@@ -29,13 +29,19 @@ if TYPE_CHECKING:
     from elastune.app.api.scene import scene as scene
     from elastune.app.api.scene import solve as solve
     from elastune.app.body.body import Body as Body
-    from elastune.app.body.loads import BodyForce as BodyForce
-    from elastune.app.body.loads import Pressure as Pressure
-    from elastune.app.body.loads import Pull as Pull
-    from elastune.app.body.motions import Clamp as Clamp
-    from elastune.app.body.motions import Roller as Roller
-    from elastune.app.body.motions import Rotation as Rotation
-    from elastune.app.body.motions import Translation as Translation
+    from elastune.app.body.conditions.loads import BodyForce as BodyForce
+    from elastune.app.body.conditions.loads import Force as Force
+    from elastune.app.body.conditions.loads import Moment as Moment
+    from elastune.app.body.conditions.loads import NormalPull as NormalPull
+    from elastune.app.body.conditions.loads import Pressure as Pressure
+    from elastune.app.body.conditions.loads import Pull as Pull
+    from elastune.app.body.conditions.loads import Spring as Spring
+    from elastune.app.body.conditions.motions import Clamp as Clamp
+    from elastune.app.body.conditions.motions import Roller as Roller
+    from elastune.app.body.conditions.motions import Rotation as Rotation
+    from elastune.app.body.conditions.motions import Translation as Translation
+    from elastune.app.body.conditions.places import Curve as Curve
+    from elastune.app.body.conditions.places import Point as Point
     from elastune.app.errors import UserError as UserError
     from elastune.app.run import Run as Run
     from elastune.app.scene.schema import Scene as Scene
@@ -46,6 +52,7 @@ if TYPE_CHECKING:
     from elastune.forms.energy import Number as Number
     from elastune.forms.energy import Parts as Parts
     from elastune.forms.energy import PositiveModulus as PositiveModulus
+    from elastune.forms.expressions import Expression as Expression
     from elastune.geometry import Geometry as Geometry
 
 __version__ = "0.1.0"
@@ -56,13 +63,15 @@ _HOMES = {
     "app.api.material": ("Material", "material", "materials"),
     "app.api.scene": ("scene", "solve"),
     "app.body.body": ("Body",),
-    "app.body.loads": ("BodyForce", "Pressure", "Pull"),
-    "app.body.motions": ("Clamp", "Roller", "Rotation", "Translation"),
+    "app.body.conditions.loads": ("BodyForce", "Force", "Moment", "NormalPull", "Pressure", "Pull", "Spring"),
+    "app.body.conditions.motions": ("Clamp", "Roller", "Rotation", "Translation"),
+    "app.body.conditions.places": ("Curve", "Point"),
     "app.errors": ("UserError",),
     "app.run": ("Run",),
     "app.scene.schema": ("Scene",),
     "app.solvers.options": ("Options",),
     "forms.energy": ("Exponent", "MaterialError", "Modulus", "Number", "Parts", "PositiveModulus"),
+    "forms.expressions": ("Expression",),
     "geometry": ("Geometry",),
 }
 _FENICSX = ("basix", "dolfinx", "ffcx", "mpi4py", "petsc4py", "slepc4py", "ufl")

@@ -98,13 +98,15 @@ class Run:
     def history(self) -> dict[str, Array]:
         """The records so far as arrays by quantity, shape (n,); of a run that was not iterated, all of them.
 
-        `reaction_FACE`, the forces of a held face, is of shape (n, d).
+        `reaction_FACE`, the force of a face that holds, is of shape (n, d), `moment_FACE` (n, 3), or (n, 1) in 2D.
         """
         records = self._reached().summary.steps
-        names = [name for name in Record.__dataclass_fields__ if name != "reaction"]
+        names = [name for name in Record.__dataclass_fields__ if name not in ("reaction", "moment")]
         columns = {name: np.array([getattr(record, name) for record in records]) for name in names}
-        forces = {face: [record.reaction[face] for record in records] for face in self.body.constraints.faces}
-        return columns | {f"reaction_{face}": np.array(own) for face, own in forces.items()}
+        for name in ("reaction", "moment"):
+            for face in self._measures.places:
+                columns[f"{name}_{face}"] = np.array([getattr(record, name)[face] for record in records])
+        return columns
 
     def fields(self, *names: str) -> dict[str, Array]:
         """Fields of the last state so far; of a run that was not iterated, those at its end.
@@ -126,7 +128,7 @@ class Run:
 
     def plot(self) -> "Figure":
         """The curve of the run: what the body does over what is done to it; not shown, and unknown to pyplot."""
-        labels, points = curve.points(self.body.conditions, self.body.force, self._reached().summary.steps)
+        labels, points = curve.points(self.body, self._reached().summary.steps)
         return curve.draw(points, labels, self.summary.scene)
 
     def _reached(self) -> "Run":
@@ -171,6 +173,7 @@ class Run:
             number=reached.number,
             name=reached.name,
             max_displacement=measures.largest_displacement(),
+            moment=measures.moments(),
         )
 
 
@@ -182,7 +185,7 @@ def start(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | No
     """
     body, reason = build.build(scene, comm)
     name = scene.name
-    run = Run(body, build.options(scene), build.start(scene), None, name, reason, progress)
+    run = Run(body, build.options(scene), build.start(scene), build.steps(scene), name, reason, progress)
     run.summary.material["name"] = scene.material.name
     run.summary.material["alpha"] = 1.0 if scene.material.alpha is None else scene.material.alpha
     return run

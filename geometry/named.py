@@ -53,6 +53,18 @@ class Geometry:
             raise GeometryError(f"face {name!r}: expected one of {', '.join(self.faces)}")
         return self.facet_tags.find(self.faces[name])
 
+    def inside(self, name: str) -> bool:
+        """Whether some facet of a face has cells on both sides; collective."""
+        from dolfinx.mesh import exterior_facet_indices
+        from mpi4py import MPI
+
+        topology = self.mesh.topology
+        topology.create_connectivity(topology.dim - 1, topology.dim)
+        facets = self.facets(name)
+        own = facets[facets < topology.index_map(topology.dim - 1).size_local]
+        within = bool(set(own.tolist()) - set(exterior_facet_indices(topology).tolist()))
+        return bool(self.mesh.comm.allreduce(within, op=MPI.LOR))
+
     def volume(self) -> float:
         """Volume of the mesh (area in 2D), integrated over its curved cells; collective."""
         import ufl

@@ -19,8 +19,8 @@ from dolfinx.mesh import entities_to_geometry
 from mpi4py import MPI
 
 from elastune.app.body.body import Body
-from elastune.app.body.loads import BodyForce, Pressure, Pull
-from elastune.app.body.motions import Clamp, Rotation, Translation
+from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
+from elastune.app.body.conditions.motions import Clamp, Rotation, Translation
 from elastune.app.body.unknowns import State
 from elastune.app.errors import SceneError, UserError
 from elastune.app.results.fields import CELL_FIELDS, Fields

@@ -12,8 +12,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from elastune.app.body.body import Body
-from elastune.app.body.loads import BodyForce, Pressure, Pull
-from elastune.app.body.motions import Clamp, Condition, Roller, Translation
+from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
+from elastune.app.body.conditions.motions import Clamp, Condition, Roller, Translation
 from elastune.app.body.unknowns import State
 from elastune.app.solvers.tangent import Tangent
 from elastune.forms.energy import Energy

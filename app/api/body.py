@@ -1,11 +1,13 @@
 """Bodies in Python: any mesh with named faces, a material, and what happens to the faces."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 from elastune.app.api.material import Material
 from elastune.app.body.body import Body
-from elastune.app.body.loads import BodyForce
-from elastune.app.body.motions import Condition, Motion
+from elastune.app.body.conditions.loads import BodyForce, Spring
+from elastune.app.body.conditions.motions import Motion
+from elastune.app.body.conditions.places import Everywhere, Face
+from elastune.app.body.conditions.stages import Given, staged
 from elastune.app.errors import UserError
 from elastune.forms.elements import ELEMENTS, MIXED_FROM, choose
 from elastune.forms.energy import MaterialError
@@ -16,10 +18,11 @@ from elastune.geometry import Geometry
 def body(
     geometry: Geometry,
     material: Material,
-    conditions: Mapping[str, Condition],
+    conditions: Given,
     *,
     element: str = "auto",
     force: BodyForce | None = None,
+    stages: Sequence[Given] = (),
 ) -> Body:
     """A body at rest, which `elastune.solve` takes.
 
@@ -27,9 +30,11 @@ def body(
         geometry: Mesh and named faces: of `elastune.geometry.build(comm, ...)`, or around any dolfinx mesh,
             `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`.
         material: Its energy.
-        conditions: What happens to the faces, by name; faces without are free.
+        conditions: What happens, one condition or several by name of a face, or by place: `elastune.Point("tip", at)`,
+            `elastune.Curve(name)`; what has none is free.
         element: Name of an element that lives on the mesh's cells; chosen by material and mesh unless given.
         force: Load on the volume.
+        stages: What is other at the ends of stages that follow; `elastune.solve` then takes `steps`.
 
     Raises:
         UserError: If mesh, faces, conditions and element do not go together.
@@ -47,16 +52,19 @@ def body(
         raise UserError(f'element = "{name}": expected one of {", ".join(fitting)} on {cell} cells')
     if material.energy.incompressible and ELEMENTS[name].pressure is None:
         raise MaterialError(f"{material.energy.name}: nu = 0.5 needs a mixed element, got {name}")
-    if not any(isinstance(condition, Motion) for condition in conditions.values()):
+    (first,) = staged(conditions)
+    if not any(isinstance(condition, Motion | Spring) for several in first.values() for condition in several):
         raise UserError(
             "conditions: nothing holds the body; expected Clamp, Translation, Rotation or Roller on some face"
         )
-    for face in conditions:
-        if face in geometry.faces and not mesh.comm.allreduce(len(geometry.facets(face))):
+    for place in first:
+        face = place.name
+        if isinstance(place, Face) and face in geometry.faces and not mesh.comm.allreduce(len(geometry.facets(face))):
             raise UserError(f"faces: {face!r}: no facet has its tag, {geometry.faces[face]}")
     # A mesh that another program made may know its facets only.
     mesh.topology.create_connectivity(faces, faces + 1)
-    return Body(geometry, material.energy, name, conditions, force)
+    whole = first if force is None else first | {Everywhere(): (force,)}
+    return Body(geometry, material.energy, name, whole, stages=stages)
 
 
 def _chosen(material: Material, cell: str, cells: int) -> str:

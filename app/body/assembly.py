@@ -9,7 +9,7 @@ import ufl
 from dolfinx import fem, la
 from numpy.typing import NDArray
 
-from elastune.app.body.constraints import Constraints
+from elastune.app.body.conditions.constraints import Constraints
 from elastune.app.body.unknowns import Layout, State
 from elastune.forms.terms import Convexity, Fields, Term
 
@@ -120,6 +120,11 @@ class Assembly:
             known.forces = self._sum(True), self._sum(False)
         return known.forces
 
+    def of(self, term: Term, state: State) -> Array:
+        """A term's forces on this rank's displacements, from its form."""
+        self.take(state)
+        return self._assembled("u", [term.residual["u"]])
+
     def _sum(self, internal: bool) -> Array:
         terms = [term for term in self.terms if term.internal == internal]
         changing = [term for term in terms if not term.linear]
@@ -128,15 +133,15 @@ class Assembly:
             if term.linear:
                 assert term.factor is not None
                 total += float(term.factor.value) * self._unit_forces(term)
-            own = term.own_forces()
-            if own is not None:
+            elif (own := term.own_forces()) is not None:
                 total += own
         return total
 
     def _unit_forces(self, term: Term) -> Array:
         """Forces of a linear term at full load."""
         if term.name not in self._unit:
-            self._unit[term.name] = self._assembled("u", [term.residual["u"]])
+            own = term.own_forces()
+            self._unit[term.name] = self._assembled("u", [term.residual["u"]]) if own is None else own
         return self._unit[term.name]
 
     def _assembled(self, field: str, forms: Sequence[fem.Form]) -> Array:

@@ -1,6 +1,6 @@
 """A body: its mesh with elements and material, what happens to its faces, and Π as a sum of terms."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Literal
 
@@ -11,11 +11,17 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from elastune.app.body.assembly import Assembly
-from elastune.app.body.constraints import Constraints
-from elastune.app.body.loads import BodyForce, Setting, check, load_terms
-from elastune.app.body.motions import Condition, Motion
+from elastune.app.body.conditions import rigid
+from elastune.app.body.conditions.constraints import Constraints
+from elastune.app.body.conditions.load import Setting
+from elastune.app.body.conditions.loads import Spring
+from elastune.app.body.conditions.motions import Condition
+from elastune.app.body.conditions.places import Place
+from elastune.app.body.conditions.stages import Given, staged
+from elastune.app.body.conditions.terms import check, load_terms, springs
 from elastune.app.body.unknowns import Layout, State
 from elastune.app.body.volume import Volume
+from elastune.app.errors import UserError
 from elastune.forms.elements import ELEMENTS
 from elastune.forms.energy import Energy
 from elastune.forms.normalize import linearize
@@ -44,8 +50,7 @@ class Body:
         extension: Stretch below which a singular energy is continued, or None.
         element: Name of the element.
         quadrature: Degree of the volume quadrature.
-        conditions: What happens to the faces, by face.
-        force: Load on the volume, or None.
+        stages: What happens at the end of each stage, by place.
         softened: Values of the material's parameters with which a tangled body untangles, or None.
         u: The displacement.
         p: The pressure, or None.
@@ -54,6 +59,7 @@ class Body:
         constraints: What holds the body.
         held: Mask of the prescribed unknowns, a vector.
         strain: The term of the strain energy.
+        springs: The terms of springs, by place.
         terms: All terms of Π.
         assembly: What they add up to.
     """
@@ -63,10 +69,10 @@ class Body:
         geometry: Geometry,
         energy: Energy,
         element: str,
-        conditions: Mapping[str, Condition],
-        force: BodyForce | None = None,
+        conditions: Given,
         *,
-        pins: Sequence[Sequence[float]] = (),
+        stages: Sequence[Given] = (),
+        free: bool = False,
         quadrature: int | None = None,
         assembly: Literal["auto", "ufl", "spectral"] = "auto",
         extension: float | None = None,
@@ -79,9 +85,9 @@ class Body:
             geometry: Mesh and named faces.
             energy: Strain-energy density, calibrated and tuned or not.
             element: Name of an element of `ELEMENTS` that lives on the mesh's cells.
-            conditions: What happens to the faces, by face; faces without are free.
-            force: Load on the volume.
-            pins: Points whose nodes stay where they are at rest.
+            conditions: What happens, by place, or by name of a face; faces without are free.
+            stages: What is other at the ends of the stages that follow, see `staged`.
+            free: Whether rigid motions may be left that no place holds and no load works on.
             quadrature: Degree of the volume quadrature; the element's own by default.
             assembly: See `StrainEnergy`.
             extension: Stretch below which a singular energy is continued.
@@ -89,11 +95,11 @@ class Body:
             more: Makes further terms of Π.
 
         Raises:
-            UserError: If a face, a vector or a pinned point does not fit the mesh.
+            UserError: If conditions do not fit the mesh or each other, or leave rigid motions.
             MaterialError: If a mixed element cannot take the energy.
         """
         self.geometry, self.energy, self.extension, self.element = geometry, energy, extension, element
-        self.conditions, self.force, self.softened = dict(conditions), force, softened
+        self.stages, self.softened = staged(conditions, stages), softened
         mesh, kind = geometry.mesh, ELEMENTS[element]
         self.dimension = mesh.geometry.dim
         self.quadrature = quadrature or kind.quadrature
@@ -104,31 +110,57 @@ class Body:
         if kind.pressure is not None:
             self.p = fem.Function(pressure_space(mesh, kind.pressure), name="pressure")
             self.split = split(energy)
-        check(self.conditions, force, geometry.faces, self.dimension)
+        check(self.stages, geometry)
         self.layout = Layout(self.u, self.p)
-        motions = {face: c for face, c in conditions.items() if isinstance(c, Motion)}
-        self.constraints = Constraints(geometry, self.V, motions, pins)
+        self.constraints = Constraints(geometry, self.V, self.stages)
+        pieces = rigid.pieces(self.V, self._holding())
+        complaint = rigid.complaint(pieces, self.dimension)
+        if complaint is not None and not free:
+            raise UserError(f"boundary: {complaint}")
+        rigid.hold(self.constraints, self.V, pieces)
         self.held = self.layout.joined(self.constraints.held)
 
         fields = Fields(self.u, self.p)
         geometry_degree = int(mesh.ufl_domain().ufl_coordinate_element().embedded_superdegree)
-        domain = Domain(mesh, self.quadrature, face_degree(kind.degree, geometry_degree), geometry.facet_tags)
+        facets = {face: geometry.facets(face) for face in geometry.faces}
+        domain = Domain(mesh, self.quadrature, face_degree(kind.degree, geometry_degree), facets)
         material = energy if self.split is None else self.split.shear
         self.strain = StrainEnergy(material, fields, domain, assembly, extension)
+        setting = Setting(fields, domain, geometry, self.constraints.held)
+        self.springs = springs(self.stages[0], setting)
         self.terms = [
             self.strain,
             *self._pressures(fields, domain),
-            *self._loads(Setting(fields, domain, self.constraints.held)),
+            *self.springs.values(),
+            *load_terms(self.stages, setting),
             *more(fields, domain),
         ]
         self.assembly = Assembly(fields, self.terms, self.layout, self.constraints)
+        if complaint is not None:
+            self._refuse_pushed(pieces, complaint)
 
     def _pressures(self, fields: Fields, domain: Domain) -> list[PressureField]:
         return [] if self.split is None else [PressureField(self.split, fields, domain)]
 
-    def _loads(self, setting: Setting) -> list[Term]:
-        volume = [] if self.force is None else [self.force.term(setting)]
-        return [*volume, *load_terms(self.conditions, self.geometry.faces, setting)]
+    def _holding(self) -> Array:
+        """How strongly each displacement is held, owned and ghost: by springs too."""
+        holding = self.constraints.held.astype(float).reshape(-1, self.dimension)
+        for place, conditions in self.stages[0].items():
+            for spring in (condition for condition in conditions if isinstance(condition, Spring)):
+                nodes = place.nodes(self.geometry, self.V)
+                holding[nodes] += np.array(spring.stiffness) > 0
+        return holding.ravel()
+
+    def _refuse_pushed(self, pieces: Sequence[rigid.Piece], complaint: str) -> None:
+        """Refuses loads on a body that nothing holds against them."""
+        for load in range(1, len(self.stages) + 1):
+            external = self.assembly.forces(State(np.zeros(self.layout.owned), float(load)))[1]
+            if rigid.pushed(self.V, pieces, external.reshape(-1, self.dimension)):
+                raise UserError(f"solve.free = true: expected loads that do no work on what is free, but {complaint}")
+
+    def acting(self) -> list[tuple[Place, Condition]]:
+        """What happens at the end of the last stage."""
+        return [(place, condition) for place, conditions in self.stages[-1].items() for condition in conditions]
 
     # ------------------------------------------------------------------ what follows from the terms
 

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from elastune.app.body.body import Body
-from elastune.app.body.motions import Roller, Rotation
+from elastune.app.body.conditions.constraints import Held
+from elastune.app.body.conditions.motions import Rotation
+from elastune.app.body.conditions.stages import shares
 from elastune.app.body.unknowns import State
 
 Array = NDArray[np.float64]
@@ -24,37 +26,35 @@ class Blend:
     function that is one on the turning face and zero on the others that are held.
 
     Attributes:
-        turning: The rotations, by face.
+        turning: The places that turn.
     """
 
     def __init__(self, body: Body) -> None:
         """Solves for nothing yet."""
         self.body = body
-        self.turning = {face: m for face, m in body.constraints.motions.items() if isinstance(m, Rotation)}
+        self.turning = [part for part in body.constraints.parts if isinstance(part.ends[0], Rotation)]
 
     @cached_property
-    def _shares(self) -> dict[str, Array]:
-        """Values between 0 and 1 at the nodes, owned and ghost, by turning face."""
+    def _shares(self) -> list[Array]:
+        """Values between 0 and 1 at the nodes, owned and ghost, of each turning place."""
         body = self.body
         W, to_vector = body.V.sub(0).collapse()
         u, v = ufl.TrialFunction(W), ufl.TestFunction(W)
         laplace = fem.form(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
-        facets = {
-            face: fem.locate_dofs_topological(W, body.geometry.mesh.topology.dim - 1, body.geometry.facets(face))
-            for face, motion in body.constraints.motions.items()
-            if not isinstance(motion, Roller)
-        }
         # One array, or from dolfinx 0.10 on one for each cell type.
         nodes = np.ravel(to_vector) // body.dimension
-        shares: dict[str, Array] = {}
+        scalar = np.empty(len(nodes), dtype=np.int32)
+        scalar[nodes] = np.arange(len(nodes), dtype=np.int32)
+        whole = [part for part in body.constraints.parts if len(part.components) == body.dimension]
+        found: list[Array] = []
         for turning in self.turning:
-            # The turning face last, so that it has its way at shared edges.
-            order = [*(face for face in facets if face != turning), turning]
-            conditions = [fem.dirichletbc(np.float64(face == turning), facets[face], W) for face in order]
-            own = _solve(laplace, W, conditions)
-            shares[turning] = np.zeros(len(nodes))
-            shares[turning][nodes] = own
-        return shares
+            # The turning place last, so that it has its way at shared edges.
+            order = [*(part for part in whole if part is not turning), turning]
+            ones = [(np.float64(part is turning), np.sort(scalar[part.nodes])) for part in order]
+            own = _solve(laplace, W, [fem.dirichletbc(value, dofs, W) for value, dofs in ones])
+            found.append(np.zeros(len(nodes)))
+            found[-1][nodes] = own
+        return found
 
     def turned(self, state: State, start: float) -> State:
         """A state at whose load faces have turned on since load `start`, with the body behind them."""
@@ -63,11 +63,17 @@ class Blend:
         displacement = np.zeros_like(body.points)
         displacement[:, :d] = body.u.x.array.reshape(-1, d)
         moved = displacement.copy()
-        for face, rotation in self.turning.items():
-            angles = self._shares[face] * np.deg2rad((state.load - start) * rotation.angle)
-            moved += rotation.turned(body.points + displacement, angles)
+        for part, share in zip(self.turning, self._shares, strict=True):
+            rotation = part.ends[0]
+            assert isinstance(rotation, Rotation)
+            angle = _angle(part, state.load) - _angle(part, start)
+            moved += rotation.turned(body.points + displacement, share * angle)
         values = body.layout.joined(moved[:, :d].ravel(), body.layout.split(state.values)[1])
         return body.placed(values, state.load)
+
+
+def _angle(part: Held, load: float) -> float:
+    return Rotation.angle_between(part.ends, shares(load, len(part.ends)))
 
 
 def _solve(laplace: fem.Form, W: fem.FunctionSpace, conditions: list[fem.DirichletBC]) -> Array:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from elastune.app.body.motions import Rotation
+from elastune.app.body.conditions.motions import Rotation
 from elastune.app.body.unknowns import State
 from elastune.app.path.blend import Blend
 from elastune.app.solvers.minimizer import Minimizer

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from elastune.app.body.body import Array, Body
-from elastune.app.body.loads import Pull
+from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pull
 from elastune.app.body.unknowns import State
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS
@@ -129,7 +129,8 @@ def _unbounded(body: Body) -> bool:
         psi = np.nan_to_num(stress(energy, H, body.extension)[0], nan=np.inf) / linearize(energy).lame_mu
     if psi.min() < -1e2:
         return True
-    pulled = body.force is not None or any(isinstance(condition, Pull) for condition in body.conditions.values())
+    dead = (BodyForce, Force, Moment, NormalPull, Pull)
+    pulled = any(isinstance(condition, dead) for _, condition in body.acting())
     return pulled and bool((psi / diagonals.max(axis=1))[diagonals.max(axis=1) >= 1e4].min() < 1e-2)
 
 

@@ -180,7 +180,7 @@ class RunFolder:
         replace_text(self.folder / SUMMARY, text + "\n")
 
     def _draw_curve(self, path: Path, summary: Summary) -> None:
-        labels, points = curve.points(self._body.conditions, self._body.force, summary.steps)
+        labels, points = curve.points(self._body, summary.steps)
         title = self._outputs.title
         if summary.failure is not None:
             title += f"\nstopped before load {summary.failure.load:.4g}: {summary.failure.kind}"
@@ -202,13 +202,15 @@ def _line(entries: Iterable[Any]) -> str:
 
 
 def _row(record: Record) -> dict[str, Any]:
-    """A record as columns; reactions as reaction_FACE_x and so on."""
+    """A record as columns; reactions as reaction_FACE_x, moments as moment_FACE_x and so on."""
     row: dict[str, Any] = {}
     for name in Record.__dataclass_fields__:
         value = getattr(record, name)
-        if name == "reaction":
-            for face, force in value.items():
-                row |= {f"reaction_{face}_{axis}": part for axis, part in zip("xyz", force, strict=False)}
+        if isinstance(value, dict):
+            for face, parts in value.items():
+                # In 2D a moment is about z.
+                axes = "z" if name == "moment" and len(parts) == 1 else "xyz"
+                row |= {f"{name}_{face}_{axis}": part for axis, part in zip(axes, parts, strict=False)}
         else:
             row[name] = value
     return row

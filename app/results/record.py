@@ -11,7 +11,7 @@ class Record:
     Attributes:
         load: Load factor, from 0 to 1.
         energy: Strain energy less the work of the loads.
-        reaction: Force of each held face on the body, by face, along x, y, z.
+        reaction: Force of each face that holds on the body, by face, along x, y, z; all are in balance with the loads.
         volume_ratio: Deformed over reference volume.
         min_J: Least volume ratio at any quadrature point.
         newton_iterations: Newton steps spent, rejected attempts included.
@@ -20,6 +20,7 @@ class Record:
         number: Of the recorded step, from one on.
         name: Of the part of the load path.
         max_displacement: Largest displacement of a node.
+        moment: Moment of each of these forces about the centroid of its face at rest, about x, y, z; in 2D about z.
     """
 
     load: float
@@ -33,6 +34,7 @@ class Record:
     number: int = 0
     name: str = ""
     max_displacement: float = 0.0
+    moment: dict[str, list[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,18 @@ from mpi4py import MPI
 
 from elastune import geometry
 from elastune.app.body.body import Body
-from elastune.app.body.loads import BodyForce, Pressure, Pull
-from elastune.app.body.motions import Clamp, Condition, Roller, Rotation, Translation
+from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pressure, Pull, Spring
+from elastune.app.body.conditions.motions import Clamp, Condition, Roller, Rotation, Translation
+from elastune.app.body.conditions.places import Curve, Everywhere, Face, Pin, Place, Point
 from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError
+from elastune.app.path.follow import Step
 from elastune.app.scene import schema
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS, Choice
 from elastune.forms.energy import Energy
+from elastune.forms.expressions import Entry, Expression
 
 # Poisson's ratio at which tangled bodies untangle, see `path.recover`.
 SOFT = 0.3
@@ -36,20 +39,23 @@ def build(scene: Scene, comm: MPI.Comm, **changes: Any) -> tuple[Body, str]:
         energy = material_energy(scene)
         mesh = geometry.build(comm, **mesh_arguments(scene))
         choice = _element(scene, mesh.mesh.topology.cell_name(), mesh.cells_count)
-        return Body(mesh, energy, choice.element, **_arguments(scene, choice.element) | changes), choice.reason
+        arguments = _arguments(scene, choice.element, mesh.mesh.geometry.dim) | changes
+        return Body(mesh, energy, choice.element, **arguments), choice.reason
     except geometry.GeometryError as error:
         raise SceneError(f"{scene.name}.toml: mesh: {error}") from None
     except UserError as error:
         raise SceneError(f"{scene.name}.toml: {error}") from None
 
 
-def _arguments(scene: Scene, element: str) -> dict[str, Any]:
+def _arguments(scene: Scene, element: str, dimension: int) -> dict[str, Any]:
     """Those of `Body` beside mesh, energy and element."""
     kind = ELEMENTS[element]
+    first, *others = (_stage(end, dimension) for end in scene.ends)
+    pins = [] if scene.start is None else scene.start.pins
     return {
-        "conditions": {face: condition(given) for face, given in scene.boundary.items()},
-        "force": None if scene.body is None else BodyForce(tuple(scene.body.force)),
-        "pins": [] if scene.start is None else scene.start.pins,
+        "conditions": first | {Pin(f"pin{k}", tuple(at)): (Clamp(),) for k, at in enumerate(pins, start=1)},
+        "stages": others,
+        "free": scene.solve.free,
         # A rule for the state at rest may not see cells that are folded within.
         "quadrature": scene.solve.quadrature or (kind.tangled_quadrature if scene.start else kind.quadrature),
         "assembly": scene.solve.assembly,
@@ -69,20 +75,67 @@ def start(scene: Scene) -> Start | None:
     return None if given is None else Start(given.shape, given.seed, given.volume, "xyz".index(given.axis))
 
 
-# What a scene says of a face, by key.
-_CONDITIONS: dict[str, Callable[[Any], Condition]] = {
-    "fix": lambda value: Clamp(),
-    "move": lambda value: Translation(tuple(value)),
-    "rotate": lambda value: Rotation(tuple(value.axis), tuple(value.center), value.angle),
-    "roller": lambda value: Roller(tuple("xyz".index(axis) for axis in value)),
-    "pull": lambda value: Pull(tuple(value)),
-    "pressure": Pressure,
+def steps(scene: Scene) -> list[Step]:
+    """The parts of the load path."""
+    return [
+        Step(float(k), k + 1.0, end.steps or scene.solve.steps, end.name or (f"stage {k + 1}" if scene.stage else ""))
+        for k, end in enumerate(scene.ends)
+    ]
+
+
+def _stage(end: schema.End, dimension: int) -> dict[Place, tuple[Condition, ...]]:
+    """What there is at the end of a stage."""
+    found = {_place(*place, given): conditions(given, dimension) for place, given in end.places.items()}
+    if end.force is not None:
+        found[Everywhere()] = (BodyForce(entries(end.force.force)),)
+    return found
+
+
+def _place(group: str, name: str, given: schema.Motions) -> Place:
+    if isinstance(given, schema.Point):
+        return Point(name, None if given.at is None else tuple(given.at))
+    return Curve(name) if group == "curve" else Face(name)
+
+
+# What a scene says of a place, by key; of the value, and of the number of axes.
+_CONDITIONS: dict[str, Callable[[Any, int], Condition]] = {
+    "fix": lambda value, d: Clamp(),
+    "move": lambda value, d: Translation(_components(value, d)),
+    "rotate": lambda value, d: Rotation(tuple(value.axis), tuple(value.center), value.angle),
+    "roller": lambda value, d: Roller(tuple("xyz".index(axis) for axis in value)),
+    "pull": lambda value, d: Pull(entries(value)) if isinstance(value, list) else NormalPull(entry(value.normal)),
+    "pressure": lambda value, d: Pressure(value),
+    "moment": lambda value, d: Moment(value.value, tuple(value.axis), tuple(value.center)),
+    "spring": lambda value, d: Spring(_each(value.stiffness, d)),
+    "force": lambda value, d: Force(tuple(value)),
 }
 
 
-def condition(given: schema.Condition) -> Condition:
-    """What happens to a face."""
-    return _CONDITIONS[given.kind](getattr(given, given.kind))
+def conditions(given: schema.Motions, dimension: int) -> tuple[Condition, ...]:
+    """What happens at a place."""
+    return tuple(_CONDITIONS[kind](getattr(given, kind), dimension) for kind in given.kinds)
+
+
+def _components(value: Any, dimension: int) -> tuple[Entry | None, ...]:
+    if isinstance(value, list):
+        return entries(value)
+    if dimension == 2 and value.z is not None:
+        raise SceneError("move.z: expected x or y in 2D")
+    return tuple(None if (given := getattr(value, axis)) is None else entry(given) for axis in "xyz"[:dimension])
+
+
+def _each(value: float | list[float], dimension: int) -> tuple[float, ...]:
+    return tuple(value) if isinstance(value, list) else (value,) * dimension
+
+
+def entry(value: float | str) -> Entry:
+    """A number, or an expression."""
+    return Expression(value) if isinstance(value, str) else value
+
+
+def entries(values: list[float | str]) -> tuple[Entry, ...]:
+    """Numbers and expressions."""
+    return tuple(map(entry, values))
 
 
 def _element(scene: Scene, cell: str, cells: int) -> Choice:

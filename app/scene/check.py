@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from elastune.app.errors import SceneError
+from elastune.app.scene.check_conditions import check_conditions
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments, unmixed_keys
 from elastune.forms.elements import ELEMENTS
-from elastune.geometry import GeometryError, face_names
+from elastune.geometry import GeometryError
 from elastune.geometry.shapes import make_plan
 
 
@@ -29,7 +30,7 @@ def check(scene: Scene) -> None:
         raise SceneError(
             f'solve.element = "{scene.element}": lives on {" or ".join(element.cells)}, got mesh.cell = "{scene.cell}"'
         )
-    _check_conditions(scene)
+    check_conditions(scene)
     energy = material_energy(scene)
     _check_start(scene, energy)
     for key, value, only in unmixed_keys(scene):
@@ -47,29 +48,6 @@ def check(scene: Scene) -> None:
             make_plan(**arguments)
         except GeometryError as error:
             raise SceneError(f"mesh: {error}") from None
-
-
-def _check_conditions(scene: Scene) -> None:
-    dimension = scene.mesh.dimension
-    known = face_names(scene.mesh.shape) if dimension else None
-    for face, condition in scene.boundary.items():
-        if known is not None and face not in known:
-            raise SceneError(f"boundary.{face}: unknown face; a {scene.mesh.shape} has {', '.join(known)}")
-        value = getattr(condition, condition.kind)
-        if dimension and isinstance(value, list) and condition.kind != "roller" and len(value) != dimension:
-            raise SceneError(f"boundary.{face}.{condition.kind} = {value}: expected {dimension} components")
-        if condition.kind == "roller" and dimension == 2 and "z" in value:
-            raise SceneError(f"boundary.{face}.roller = {value}: expected axes x or y in 2D")
-        if condition.kind == "rotate" and not any(value.axis):
-            raise SceneError(f"boundary.{face}.rotate.axis = {value.axis}: expected a vector other than zero")
-    if dimension and scene.body and len(scene.body.force) != dimension:
-        raise SceneError(f"body.force = {scene.body.force}: expected {dimension} components")
-    pinned = scene.start is not None and bool(scene.start.pins)
-    if not pinned and not any(condition.holds for condition in scene.boundary.values()):
-        raise SceneError("boundary: nothing holds the body; expected fix, move, rotate or roller on some face")
-    loaded = scene.body is not None and any(scene.body.force)
-    if scene.start is None and not loaded and not any(condition.loads for condition in scene.boundary.values()):
-        raise SceneError("boundary: nothing loads the body; expected move, rotate, pull or pressure on some face")
 
 
 def _check_start(scene: Scene, energy: Any) -> None:

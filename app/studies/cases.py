@@ -154,7 +154,7 @@ def _word(name: str, value: Any) -> str:
 
 
 def _check(study: Study, case: Case) -> None:
-    held = [face for face, condition in case.scene.boundary.items() if condition.holds]
+    held = [face for face, condition in case.scene.boundary.items() if condition.held()]
     for name, quantity in study.quantities.items():
         if quantity.reaction is not None and quantity.reaction not in held:
             raise StudyError(

@@ -10,7 +10,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from elastune.app.body.motions import Motion
+from elastune.app.body.conditions.motions import Motion
 from elastune.app.errors import SceneError
 from elastune.app.scene.build import build
 from elastune.app.scene.schema import Scene, material_energy
@@ -71,9 +71,9 @@ class Follows(Motion):
 
     displacement: Callable[[Array], Array]
 
-    def displacements(self, points: Array, load: float) -> Array:
-        """Displacements of points, both of shape (n, 3), at a load factor."""
-        return load * self.displacement(points)
+    def displacements(self, points: Array) -> Array:
+        """Displacements of points, both of shape (n, 3)."""
+        return self.displacement(points)
 
 
 class Manufactured:
@@ -109,7 +109,7 @@ class Manufactured:
             return [DeadLoads(fields, domain, function, degree=degree)]
 
         conditions = dict.fromkeys(face_names(scene.mesh.shape), follows)
-        self.body, _ = build(scene, comm, conditions=conditions, force=None, more=force)
+        self.body, _ = build(scene, comm, conditions=conditions, more=force)
 
     def errors(self) -> dict[str, float]:
         """Relative errors of the present state in L²: l2 of u, h1 of grad u, stress of P; energy and volume_ratio.

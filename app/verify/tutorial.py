@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from elastune import geometry
-from elastune.app.body.motions import Motion
+from elastune.app.body.conditions.motions import Motion
 from elastune.app.errors import SceneError
-from elastune.app.scene.build import condition as built
+from elastune.app.scene.build import conditions as built
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
+from elastune.app.scene.schema.conditions import Components
 from elastune.forms.kinematics import GradientMeasures, deformation_gradient
 
 # From dolfinx 0.10 on NonlinearProblem is another class, and what NewtonSolver takes has this name.
@@ -71,7 +72,7 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
     for face, condition in scene.boundary.items():
         faces[face] = fem.locate_dofs_topological(V, d - 1, body.facets(face))
         motion = fem.Function(V)
-        prescribed = built(condition)
+        (prescribed,) = built(condition, d)
         assert isinstance(prescribed, Motion)
         motions.append((motion, prescribed))
         conditions.append(fem.dirichletbc(motion, faces[face]))
@@ -97,7 +98,7 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
     newton = 0
     for step in range(1, scene.solve.steps + 1):
         for motion, prescribed in motions:
-            moved = prescribed.displacements(V.tabulate_dof_coordinates(), step / scene.solve.steps)
+            moved = prescribed.between([prescribed], [step / scene.solve.steps], V.tabulate_dof_coordinates())
             motion.x.array[:] = moved[:, :d].ravel()
         iterations, converged = solver.solve(u)
         newton += iterations
@@ -122,8 +123,9 @@ def solve(scene: Scene, comm: MPI.Comm) -> Tutorial:
 
 def _check(scene: Scene) -> None:
     for face, condition in scene.boundary.items():
-        if condition.kind not in ("fix", "move", "rotate"):
-            raise SceneError(f"boundary.{face}.{condition.kind}: the tutorial's solver takes fix, move and rotate only")
+        (kind, *more) = condition.kinds
+        if more or kind not in ("fix", "move", "rotate") or isinstance(condition.move, Components):
+            raise SceneError(f"boundary.{face}.{kind}: the tutorial's solver takes fix, move and rotate only")
     if scene.body is not None:
         raise SceneError("body: the tutorial's solver takes no body force")
     if scene.element not in ("P1", "Q1"):

@@ -1,8 +1,9 @@
 """Π as a sum of named terms: what each adds to energy, forces and tangent."""
 
-from elastune.forms.terms.dead_loads import DeadLoads
+from elastune.forms.terms.dead_loads import DeadLoads, NodalLoads
 from elastune.forms.terms.domain import Domain, face_degree
 from elastune.forms.terms.follower import FollowerPressure
+from elastune.forms.terms.foundation import Foundation
 from elastune.forms.terms.pressure_field import PressureField, mixed_response
 from elastune.forms.terms.strain import StrainEnergy
 from elastune.forms.terms.term import RAW, Convexity, Fields, Term
@@ -14,6 +15,8 @@ __all__ = [
     "Domain",
     "Fields",
     "FollowerPressure",
+    "Foundation",
+    "NodalLoads",
     "PressureField",
     "StrainEnergy",
     "Term",

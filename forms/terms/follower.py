@@ -34,7 +34,7 @@ class FollowerPressure(Term):
         self,
         fields: Fields,
         domain: Domain,
-        pressures: Mapping[int, float],
+        pressures: Mapping[str, float],
         held: NDArray[np.bool_],
         name: str = "follower_pressure",
     ) -> None:
@@ -43,7 +43,7 @@ class FollowerPressure(Term):
         Args:
             fields: Displacement.
             domain: What is integrated over.
-            pressures: At full load, by number of the face.
+            pressures: At full load, by name of the face.
             held: Mask of the prescribed displacements, owned and ghost.
             name: What people call it.
         """
@@ -53,7 +53,7 @@ class FollowerPressure(Term):
         # Nanson: the deformed area vector is det(F) F^-T N dA, written as a cofactor, which exists for every F.
         F = ufl.Identity(len(u)) + ufl.grad(u)
         area = ufl.cofac(F) * ufl.FacetNormal(mesh)
-        weighted = [(fem.Constant(mesh, float(p)), domain.ds(tag)) for tag, p in pressures.items()]
+        weighted = [(fem.Constant(mesh, float(p)), domain.ds(face)) for face, p in pressures.items()]
         force = sum(p * ufl.inner(area, v) * measure for p, measure in weighted)
         volume = _potential(u, area, force, weighted, held)
         super().__init__(

@@ -1,6 +1,6 @@
 """One summand of Π: an energy with its derivatives, or forces that have none."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
 
 import ufl
@@ -47,7 +47,8 @@ class Term:
         conservative: Whether the forces have a potential.
         convex: Whether the tangent in the displacement is positive semi-definite once it is convexified.
         linear: Whether the forces depend on the load only: they are assembled once, and Π is their work.
-        factor: Constant that the load factor is put into; None of a term that knows no load.
+        factor: Constant that the amplitude is put into; None of a term that knows no load.
+        amplitude: How much of it there is at a load factor.
     """
 
     internal = False
@@ -65,6 +66,7 @@ class Term:
     ) -> None:
         """Takes compiled forms."""
         self.name, self.energy, self.factor = name, energy, factor
+        self.amplitude: Callable[[float], float] = float
         self.residual: dict[Field, Form] = dict(residual or {})
         self.tangent: dict[tuple[Field, Field], list[Form]] = dict(tangent or {})
 
@@ -86,7 +88,7 @@ class Term:
     def at(self, load: float) -> None:
         """Takes a load factor."""
         if self.factor is not None:
-            self.factor.value = load
+            self.factor.value = self.amplitude(load)
 
     def refresh(self) -> None:
         """Updates what depends on the fields beside the forms; called when they have changed."""
@@ -107,7 +109,7 @@ class Term:
         return 0.0
 
     def own_forces(self) -> Any:
-        """Forces that are no form: an array of the displacement's owned values, or None."""
+        """Forces that are no form: an array of the displacement's owned values, or None; of a linear term in full."""
         return None
 
     def own_stiffness(self) -> Any:

@@ -1,65 +1,73 @@
 """The curve of a run: what the body does over what is done to it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from elastune.app.body.loads import BodyForce, Pressure, Pull
-from elastune.app.body.motions import Condition, Rotation, Translation
+from elastune.app.body.body import Body
+from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pressure, Pull
+from elastune.app.body.conditions.motions import Condition, Rotation, Translation
 from elastune.app.results.pictures import style
 from elastune.app.results.record import Record
+from elastune.forms.expressions import Expression
 
 Labels = tuple[str, str]
 Points = list[tuple[float, float]]
 
 # What is done to a body, the most telling first: a prescribed motion tells more than a load beside it.
-_KINDS = (Translation, Rotation, Pull, Pressure, BodyForce)
+_KINDS = (Translation, Rotation, Pull, Pressure, NormalPull, Moment, Force, BodyForce)
 
 
-def points(
-    conditions: Mapping[str, Condition], force: BodyForce | None, records: Sequence[Record]
-) -> tuple[Labels, Points]:
+def points(body: Body, records: Sequence[Record]) -> tuple[Labels, Points]:
     """What the curve of a run shows, from the state at rest on.
 
     Where a face moves, its force over its path; where one turns, the energy over its angle; otherwise the load
-    over the largest displacement. Without loads, the energy over the load steps.
+    over the largest displacement. Without loads, the energy over the load steps. Of several stages, and of what is no
+    number, the load factor over the largest displacement.
 
     Args:
-        conditions: By face.
-        force: Load on the volume, or None.
+        body: What was done to it.
         records: The recorded steps.
 
     Returns:
         Labels of x and y, and the points.
     """
-    doing: list[tuple[str, Any]] = [(face, c) for face, c in conditions.items() if _does(c)]
-    doing += [] if force is None else [("body", force)]
+    doing = [(place.name, c) for place, c in body.acting() if type(c) in _KINDS and _size(c) != 0]
     if not doing:
         return ("load step", "energy"), [(record.load, record.energy) for record in records]
     face, condition = min(doing, key=lambda entry: _KINDS.index(type(entry[1])))
-    size = float(np.linalg.norm(condition.vector)) if hasattr(condition, "vector") else 0.0
+    size = _size(condition)
+    if len(body.stages) > 1 or size is None:
+        return ("largest displacement", "load factor"), _from_rest([(r.max_displacement, r.load) for r in records])
     if isinstance(condition, Translation):
+        path = [0.0 if entry is None else float(entry) for entry in condition.vector]  # type: ignore[arg-type]
         labels = f"displacement of the {face} face", f"force on the {face} face"
-        found = [(r.load * size, float(np.dot(r.reaction[face], condition.vector)) / size) for r in records]
+        found = [(r.load * abs(size), float(np.dot(r.reaction[face], path)) / abs(size)) for r in records]
     elif isinstance(condition, Rotation):
         labels = f"rotation of the {face} face in degrees", "energy"
-        found = [(r.load * condition.angle, r.energy) for r in records]
+        found = [(r.load * size, r.energy) for r in records]
     else:
-        full = condition.value if isinstance(condition, Pressure) else size
-        names = {Pull: f"traction on the {face} face", Pressure: f"pressure on the {face} face"}
-        labels = "largest displacement", names.get(type(condition), "body force")
-        found = [(r.max_displacement, r.load * full) for r in records]
-    return labels, [(0.0, 0.0), *found]
+        names = {BodyForce: "body force", Pressure: "pressure on", Moment: "moment on", Force: "force on"}
+        name = names.get(type(condition), "traction on")
+        labels = "largest displacement", name if isinstance(condition, BodyForce) else f"{name} the {face} face"
+        found = [(r.max_displacement, r.load * size) for r in records]
+    return labels, _from_rest(found)
 
 
-def _does(condition: Condition) -> bool:
-    """Whether anything happens to the body."""
-    if isinstance(condition, Translation | Pull):
-        return any(condition.vector)
-    if isinstance(condition, Rotation):
-        return condition.angle != 0
-    return isinstance(condition, Pressure) and condition.value != 0
+def _from_rest(found: Points) -> Points:
+    return [(0.0, 0.0), *found]
+
+
+def _size(condition: Condition) -> float | None:
+    """How much of it there is, or None of an expression."""
+    entries = getattr(condition, "vector", None)
+    if entries is None:
+        entries = [condition.angle if isinstance(condition, Rotation) else condition.value]  # type: ignore[attr-defined]
+    given = [entry for entry in entries if entry is not None]
+    if any(isinstance(entry, Expression) for entry in given):
+        return None
+    return float(given[0]) if len(given) == 1 else float(np.linalg.norm(given))
 
 
 def draw(found: Points, labels: Labels, title: str) -> Any:

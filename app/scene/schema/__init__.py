@@ -1,7 +1,17 @@
 """The tables of a scene file, one module a kind."""
 
-from elastune.app.scene.schema.conditions import Condition
+from elastune.app.scene.schema.conditions import Condition, End, Motions, Point
 from elastune.app.scene.schema.material import Material
 from elastune.app.scene.schema.scene import Scene, material_energy, mesh_arguments, unmixed_keys
 
-__all__ = ["Condition", "Material", "Scene", "material_energy", "mesh_arguments", "unmixed_keys"]
+__all__ = [
+    "Condition",
+    "End",
+    "Material",
+    "Motions",
+    "Point",
+    "Scene",
+    "material_energy",
+    "mesh_arguments",
+    "unmixed_keys",
+]

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from elastune.app.errors import SceneError
 from elastune.app.scene.complaints import Table
-from elastune.app.scene.schema.conditions import Body, Condition
+from elastune.app.scene.schema.conditions import Body, Condition, Curve, End, Point, Stage, ends
 from elastune.app.scene.schema.material import Material, energy_of
 from elastune.app.scene.schema.mesh import Mesh
 from elastune.app.scene.schema.output import Output, Start
@@ -23,11 +23,23 @@ class Scene(Table):
     mesh: Mesh = Mesh()
     solve: Solve = Solve()
     material: Material
-    boundary: dict[str, Condition] = {}
-    body: Body | None = None
+    boundary: dict[str, Condition] = Field(default={}, description="what happens on faces, by name")
+    curve: dict[str, Curve] = Field(default={}, description="what happens on curves that the mesh file names")
+    point: dict[str, Point] = Field(
+        default={}, description="what happens at points, by a name of your own or of the mesh file"
+    )
+    body: Body | None = Field(default=None, description="loads on the volume")
+    stage: list[Stage] = Field(
+        default=[], description="parts of the load path, one after the other; load counts on, 1, 2, …"
+    )
     start: Start | None = None
     output: Output = Output()
     name: str = Field(default="scene", exclude=True)
+
+    @property
+    def ends(self) -> list[End]:
+        """What there is at the end of each stage."""
+        return ends(self)
 
     @property
     def cell(self) -> str:

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from elastune.app.scene.complaints import Table
 from elastune.app.scene.schema.types import Count, PositiveFloat
 from elastune.app.solvers.options import Options
@@ -21,4 +23,7 @@ class Solve(Table):
     assembly: Literal["auto", "ufl", "spectral"] = "auto"
     quadrature: Count | None = None
     smallest_step: PositiveFloat = Options.smallest_step
+    free: bool = Field(
+        default=False, description="whether rigid motions may be left that nothing holds and no load works on"
+    )
     time_limit: PositiveFloat | None = None

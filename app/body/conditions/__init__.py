@@ -1,0 +1,1 @@
+"""What happens to a body: where, what holds it there, what loads it, stage by stage."""

@@ -1,0 +1,77 @@
+"""The terms of a body's loads, and what only the mesh can tell of them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from elastune.app.body.conditions.load import Load, Setting
+from elastune.app.body.conditions.loads import Pressure, Spring
+from elastune.app.body.conditions.places import Face, Place
+from elastune.app.body.conditions.stages import Stage, shares
+from elastune.app.errors import UserError
+from elastune.forms.expressions import Expression
+from elastune.forms.terms import Term
+from elastune.geometry import Geometry
+
+
+def springs(stage: Stage, setting: Setting) -> dict[Place, Term]:
+    """The terms of all springs, by place."""
+    return {
+        place: Spring.term({place: load}, setting)
+        for place, conditions in stage.items()
+        for load in conditions
+        if isinstance(load, Spring)
+    }
+
+
+def load_terms(stages: Sequence[Stage], setting: Setting) -> list[Term]:
+    """The terms of all loads, one a kind and stage: what a stage leads to comes with it and goes with the next."""
+    terms = []
+    for number, stage in enumerate(stages):
+        kinds: dict[Any, dict[Place, Any]] = {}
+        for place, conditions in stage.items():
+            for load in conditions:
+                if isinstance(load, Load) and load.acts and not isinstance(load, Spring):
+                    kinds.setdefault(type(load), {})[place] = load
+        for kind, loads in kinds.items():
+            term = kind.term(loads, setting)
+            if number > 0:
+                term.name = f"{term.name} {number + 1}"
+            term.amplitude = lambda load, number=number: shares(load, len(stages))[number]
+            terms.append(term)
+    return terms
+
+
+def check(stages: Sequence[Stage], geometry: Geometry) -> None:
+    """What only the mesh can tell of loads and vectors; collective.
+
+    Raises:
+        UserError: If a vector has another number of components than the mesh has dimensions, or a load that needs a
+            side acts on an inner face.
+    """
+    d = geometry.mesh.geometry.dim
+    for stage in stages:
+        for place, conditions in stage.items():
+            for condition in conditions:
+                for name in ("vector", "stiffness"):
+                    vector = getattr(condition, name, None)
+                    if vector is not None and len(vector) != d:
+                        key = _KEYS.get(type(condition).__name__, name)
+                        raise UserError(f"{place.key}.{key} = {_shown(vector)}: expected {d} components")
+                if isinstance(condition, Load) and condition.one_sided and isinstance(place, Face):
+                    _check_side(place, condition, geometry)
+
+
+_KEYS = {"Translation": "move", "Pull": "pull", "Spring": "spring.stiffness", "Force": "force", "BodyForce": "force"}
+
+
+def _check_side(place: Face, condition: Load, geometry: Geometry) -> None:
+    if place.name in geometry.faces and geometry.inside(place.name):
+        what = "pressure" if isinstance(condition, Pressure) else "pull.normal"
+        raise UserError(
+            f"{place.key}.{what}: expected a face of the body's skin; this one has cells on both sides, so that "
+            "nothing tells which way it is; pull = [x, y, z] acts there"
+        )
+
+
+def _shown(vector: Sequence[Any]) -> list[Any]:
+    return [entry.text if isinstance(entry, Expression) else entry for entry in vector]
