@@ -128,7 +128,7 @@ class Run:
 
     def plot(self) -> "Figure":
         """The curve of the run: what the body does over what is done to it; not shown, and unknown to pyplot."""
-        labels, points = curve.points(self.body, self._reached().summary.steps)
+        labels, points = curve.points(self.body.acting(), self._reached().summary.steps, len(self.body.stages))
         return curve.draw(points, labels, self.summary.scene)
 
     def _reached(self) -> "Run":

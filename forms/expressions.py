@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import ufl
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -24,18 +23,17 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
-# By name: numpy's function and UFL's.
-_FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
-    **{name: (getattr(np, name), getattr(ufl, name)) for name in ("sin", "cos", "tan", "exp", "sqrt", "sinh", "cosh")},
-    "tanh": (np.tanh, ufl.tanh),
-    "asin": (np.arcsin, ufl.asin),
-    "acos": (np.arccos, ufl.acos),
-    "atan": (np.arctan, ufl.atan),
-    "atan2": (np.arctan2, ufl.atan2),
-    "log": (np.log, ufl.ln),
-    "abs": (np.abs, abs),
-    "min": (np.minimum, ufl.min_value),
-    "max": (np.maximum, ufl.max_value),
+# By name: numpy's function and the name of UFL's.
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], str]] = {
+    **{name: (getattr(np, name), name) for name in ("sin", "cos", "tan", "exp", "sqrt", "sinh", "cosh", "tanh")},
+    "asin": (np.arcsin, "asin"),
+    "acos": (np.arccos, "acos"),
+    "atan": (np.arctan, "atan"),
+    "atan2": (np.arctan2, "atan2"),
+    "log": (np.log, "ln"),
+    "abs": (np.abs, "abs"),
+    "min": (np.minimum, "min_value"),
+    "max": (np.maximum, "max_value"),
 }
 _TWO = ("atan2", "min", "max")
 LONGEST = 1000
@@ -82,12 +80,15 @@ class Expression:
     def at(self, points: Array) -> Array:
         """Values at points of shape (n, 3), shape (n,)."""
         with np.errstate(all="ignore"):
-            found = _value(self._tree, dict(zip("xyz", points.T, strict=True)), 0)
+            found = _value(self._tree, dict(zip("xyz", points.T, strict=True)), lambda name: _FUNCTIONS[name][0])
         return np.broadcast_to(np.asarray(found, dtype=np.float64), len(points)).copy()
 
     def ufl(self, X: Any) -> Any:
-        """As a UFL expression of a coordinate of 2 or 3 components."""
-        found = _value(self._tree, {name: X[i] for i, name in zip(range(len(X)), "xyz", strict=False)} | _flat(X), 1)
+        """As a UFL expression of a coordinate of 2 or 3 components; in the plane z is zero."""
+        import ufl
+
+        names = {name: X[i] if i < len(X) else 0.0 for i, name in enumerate("xyz")}
+        found = _value(self._tree, names, lambda name: abs if name == "abs" else getattr(ufl, _FUNCTIONS[name][1]))
         return found if isinstance(found, ufl.core.expr.Expr) else ufl.as_ufl(float(found))
 
 
@@ -111,11 +112,6 @@ def values(entry: Entry, points: Array) -> Array:
 def symbolic(entry: Entry, X: Any) -> Any:
     """A number as it is, an expression as one of UFL's."""
     return entry.ufl(X) if isinstance(entry, Expression) else entry
-
-
-def _flat(X: Any) -> dict[str, Any]:
-    """In the plane z is zero."""
-    return {"z": 0.0} if len(X) == 2 else {}
 
 
 def _arithmetic(node: ast.AST, text: str) -> None:
@@ -145,15 +141,21 @@ def _arithmetic(node: ast.AST, text: str) -> None:
         _arithmetic(child, text)
 
 
-def _value(node: ast.AST, names: dict[str, Any], library: int) -> Any:
-    """A checked tree's value, with numpy's functions (0) or UFL's (1)."""
+def _value(node: ast.AST, names: dict[str, Any], function: Callable[[str], Callable[..., Any]]) -> Any:
+    """A checked tree's value.
+
+    Args:
+        node: Its root.
+        names: Values of x, y and z.
+        function: By name.
+    """
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):
         return _CONSTANTS[node.id] if node.id in _CONSTANTS else names[node.id]
     if isinstance(node, ast.BinOp):
-        return _OPERATORS[type(node.op)](_value(node.left, names, library), _value(node.right, names, library))
+        return _OPERATORS[type(node.op)](_value(node.left, names, function), _value(node.right, names, function))
     if isinstance(node, ast.UnaryOp):
-        return _OPERATORS[type(node.op)](_value(node.operand, names, library))
+        return _OPERATORS[type(node.op)](_value(node.operand, names, function))
     assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-    return _FUNCTIONS[node.func.id][library](*(_value(argument, names, library) for argument in node.args))
+    return function(node.func.id)(*(_value(argument, names, function) for argument in node.args))

@@ -17,7 +17,7 @@ material = { name = "neo-hookean", E = 1e6, nu = 0.0 }
 [boundary]
 left = { roller = ["x"] }
 front = { roller = ["y"] }
-bottom = { spring = 2.0 }
+bottom = { spring = { stiffness = 1.0 }, cushion = 2.0 }
 top = { pull = [0.0, 0.0, 0.5] }
 """
 
@@ -39,8 +39,8 @@ def hunks(diff: str) -> list[tuple[str, list[str], list[str]]]:
     return found
 
 
-def test_a_spring_is_thirty_lines(tmp_path: Path) -> None:
-    """A stiff block on springs of stiffness k: pulled by T, it rises by T/k."""
+def test_a_cushion_is_thirty_lines(tmp_path: Path) -> None:
+    """A stiff block on a spring of stiffness k and a cushion of c: pulled by T, it rises by u, k u + c u³ = T."""
     (diff,) = re.findall(r"```diff\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)
     assert sum(line.startswith("+") and not line.startswith("+++") for line in diff.splitlines()) <= 30
     copy = tmp_path / "elastune"
@@ -51,10 +51,10 @@ def test_a_spring_is_thirty_lines(tmp_path: Path) -> None:
     for file, before, after in hunks(diff):
         text = (copy / file).read_text()
         old, new = "\n".join(before) + "\n", "\n".join(after) + "\n"
-        assert text.count(old) == 1, (file, old)
-        (copy / file).write_text(text.replace(old, new))
-    (tmp_path / "spring.toml").write_text(SCENE)
-    words = ["run", "spring.toml", "--out", "out", "--set", "output.picture=false"]
+        assert text.count(old.rstrip("\n")) == 1, (file, old)
+        (copy / file).write_text(text.replace(old.rstrip("\n"), new.rstrip("\n")))
+    (tmp_path / "cushion.toml").write_text(SCENE)
+    words = ["run", "cushion.toml", "--out", "out", "--set", "output.picture=false"]
     done = subprocess.run(
         [sys.executable, "-P", "-m", "elastune", *words],
         cwd=tmp_path,
@@ -65,4 +65,5 @@ def test_a_spring_is_thirty_lines(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     (step,) = json.loads((tmp_path / "out" / "summary.json").read_text())["steps"]
-    assert abs(step["max_displacement"] - 0.5 / 2.0) < 1e-5
+    u = step["max_displacement"]
+    assert abs(1.0 * u + 2.0 * u**3 - 0.5) < 1e-5

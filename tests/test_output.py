@@ -21,6 +21,7 @@ from mpi4py import MPI
 from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
 from elastune.app.body.conditions.motions import Clamp, Rotation, Translation
+from elastune.app.body.conditions.places import Everywhere, Face
 from elastune.app.body.unknowns import State
 from elastune.app.errors import SceneError, UserError
 from elastune.app.results.fields import CELL_FIELDS, Fields
@@ -586,7 +587,9 @@ def test_picture_that_fails_is_a_warning(
     ],
 )
 def test_points_of_the_curve(condition: Any, label: str, last: tuple[float, float]) -> None:
-    labels, points = curve.points({"left": Clamp(), "right": condition}, None, [_record(1, 0.5), _record(2, 1.0)])
+    labels, points = curve.points(
+        [(Face("left"), Clamp()), (Face("right"), condition)], [_record(1, 0.5), _record(2, 1.0)]
+    )
     assert any(text.startswith(label) for text in labels)
     assert points[0] == (0.0, 0.0)
     assert len(points) == 3
@@ -594,6 +597,6 @@ def test_points_of_the_curve(condition: Any, label: str, last: tuple[float, floa
 
 
 def test_curve_of_a_body_force() -> None:
-    labels, points = curve.points({}, BodyForce((0.0, 0.0, -9.0)), [_record(1, 1.0)])
+    labels, points = curve.points([(Everywhere(), BodyForce((0.0, 0.0, -9.0)))], [_record(1, 1.0)])
     assert labels == ("largest displacement", "body force")
     assert points == [(0.0, 0.0), (7.0, 9.0)]

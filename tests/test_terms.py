@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
 from elastune.app.body.conditions.motions import Clamp, Condition, Roller, Translation
+from elastune.app.body.conditions.places import Everywhere
 from elastune.app.body.unknowns import State
 from elastune.app.solvers.tangent import Tangent
 from elastune.forms.energy import Energy
@@ -32,12 +33,12 @@ def cube(cell: str = "hexahedron", cells: int = 2) -> Geometry:
     return build(COMM, "square" if cell in ("triangle", "quadrilateral") else "cube", 1.0, cells, cell)
 
 
-HELD: dict[str, Condition] = {"left": Clamp(), "right": Translation((0.1, 0.0, 0.0))}
+HELD: dict[Any, Condition] = {"left": Clamp(), "right": Translation((0.1, 0.0, 0.0))}
 
 
 def spring(fields: Fields, domain: Domain) -> list[Term]:
     """An elastic foundation on the top face, by its energy."""
-    return [Term.from_energy("spring", 0.7 / 2 * ufl.inner(fields.u, fields.u) * domain.ds(6), fields)]
+    return [Term.from_energy("spring", 0.7 / 2 * ufl.inner(fields.u, fields.u) * domain.ds("top"), fields)]
 
 
 class PointSpring(Term):
@@ -93,7 +94,7 @@ CASES: dict[str, tuple[Callable[[], Body], str]] = {
     "continuous pressures": (lambda: solid("P2-P1", material=energy(nu=0.499)), "pressure_field"),
     "pressures of log J": (lambda: solid("Q2-P1d", material=energy("hencky", 0.499)), "pressure_field"),
     "traction": (lambda: solid(conditions={"left": Clamp(), "top": Pull((0.1, 0.2, -0.3))}), "dead_loads"),
-    "body force": (lambda: solid(force=BodyForce((0.1, 0.2, -0.3))), "body_force"),
+    "body force": (lambda: solid(conditions=HELD | {Everywhere(): BodyForce((0.1, 0.2, -0.3))}), "body_force"),
     "plane traction": (plane, "dead_loads"),
     "spring": (lambda: solid(more=spring), "spring"),
     "a pattern of its own": (
@@ -101,14 +102,14 @@ CASES: dict[str, tuple[Callable[[], Body], str]] = {
         "point_spring",
     ),
 }
-EDGES_HELD: dict[str, Condition] = {face: Clamp() for face in ("left", "right", "front", "back")}
+EDGES_HELD: dict[Any, Condition] = {face: Clamp() for face in ("left", "right", "front", "back")}
 SLIDING: dict[str, Condition] = {"left": Roller((0,)), "right": Roller((0,)), "front": Roller((1,)), "back": Clamp()}
 CORNER: dict[str, Condition] = {"left": Roller((0,)), "front": Roller((1,)), "bottom": Roller((2,))}
 ALL = ("left", "right", "front", "back", "bottom", "top")
 
 
 def pressed(conditions: dict[str, Condition], faces: Sequence[str], element: str = "Q2") -> Body:
-    return solid(element, conditions | {face: Pressure(0.8) for face in faces})
+    return solid(element, conditions | {face: Pressure(0.8) for face in faces}, free=not conditions)
 
 
 # Whether the pressure has a potential.

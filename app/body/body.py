@@ -18,7 +18,7 @@ from elastune.app.body.conditions.loads import Spring
 from elastune.app.body.conditions.motions import Condition
 from elastune.app.body.conditions.places import Place
 from elastune.app.body.conditions.stages import Given, staged
-from elastune.app.body.conditions.terms import check, load_terms, springs
+from elastune.app.body.conditions.terms import check, load_terms, steady_terms
 from elastune.app.body.unknowns import Layout, State
 from elastune.app.body.volume import Volume
 from elastune.app.errors import UserError
@@ -59,7 +59,7 @@ class Body:
         constraints: What holds the body.
         held: Mask of the prescribed unknowns, a vector.
         strain: The term of the strain energy.
-        springs: The terms of springs, by place.
+        foundations: The terms of springs and the like, with their places.
         terms: All terms of Π.
         assembly: What they add up to.
     """
@@ -127,11 +127,11 @@ class Body:
         material = energy if self.split is None else self.split.shear
         self.strain = StrainEnergy(material, fields, domain, assembly, extension)
         setting = Setting(fields, domain, geometry, self.constraints.held)
-        self.springs = springs(self.stages[0], setting)
+        self.foundations = steady_terms(self.stages[0], setting)
         self.terms = [
             self.strain,
             *self._pressures(fields, domain),
-            *self.springs.values(),
+            *(term for _, term in self.foundations),
             *load_terms(self.stages, setting),
             *more(fields, domain),
         ]

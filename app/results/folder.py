@@ -180,7 +180,7 @@ class RunFolder:
         replace_text(self.folder / SUMMARY, text + "\n")
 
     def _draw_curve(self, path: Path, summary: Summary) -> None:
-        labels, points = curve.points(self._body, summary.steps)
+        labels, points = curve.points(self._body.acting(), summary.steps, len(self._body.stages))
         title = self._outputs.title
         if summary.failure is not None:
             title += f"\nstopped before load {summary.failure.load:.4g}: {summary.failure.kind}"

@@ -66,7 +66,7 @@ class Measures:
             own = nodes < len(forces)
             at = (nodes[own][:, None], list(part.components))
             forces[at] = weights[own] * reactions[at]
-        for place, term in body.springs.items():
+        for place, term in body.foundations:
             nodes, forces = found.setdefault(place.name, (place.nodes(body.geometry, body.V), np.zeros_like(reactions)))
             forces -= body.layout.nodal(body.assembly.of(term, body.state))
         return found
@@ -79,5 +79,5 @@ class Measures:
     def _centroids(self) -> dict[str, Array]:
         body = self.body
         places = {part.place.name: part.place for part in body.constraints.parts}
-        places |= {place.name: place for place in body.springs}
+        places |= {place.name: place for place, _ in body.foundations}
         return {name: place.centroid(body.geometry, body.V) for name, place in places.items()}

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import ufl
@@ -44,7 +44,14 @@ class Setting(NamedTuple):
 
 
 class Load(Condition, ABC):
-    """A condition that adds to Π; all of one kind become one term a stage, but springs, which have one a place."""
+    """A condition that adds to Π; all of one kind become one term a stage.
+
+    Attributes:
+        steady: Whether it is there from the start and the same in all stages; it then is a term of its own a place, and
+            has a reaction.
+    """
+
+    steady: ClassVar[bool] = False
 
     @property
     def acts(self) -> bool:

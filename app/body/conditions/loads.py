@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import ufl
@@ -150,6 +150,7 @@ class Spring(Load):
     """
 
     stiffness: Sequence[float]
+    steady: ClassVar[bool] = True
 
     @classmethod
     def term(cls, loads: Mapping[Place, "Spring"], setting: Setting) -> Term:

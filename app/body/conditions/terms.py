@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from elastune.app.body.conditions.load import Load, Setting
-from elastune.app.body.conditions.loads import Pressure, Spring
+from elastune.app.body.conditions.loads import Pressure
 from elastune.app.body.conditions.places import Face, Place
 from elastune.app.body.conditions.stages import Stage, shares
 from elastune.app.errors import UserError
@@ -13,14 +13,14 @@ from elastune.forms.terms import Term
 from elastune.geometry import Geometry
 
 
-def springs(stage: Stage, setting: Setting) -> dict[Place, Term]:
-    """The terms of all springs, by place."""
-    return {
-        place: Spring.term({place: load}, setting)
+def steady_terms(stage: Stage, setting: Setting) -> list[tuple[Place, Term]]:
+    """The terms of what is the same in all stages, each at its place."""
+    return [
+        (place, type(load).term({place: load}, setting))
         for place, conditions in stage.items()
         for load in conditions
-        if isinstance(load, Spring)
-    }
+        if isinstance(load, Load) and load.steady
+    ]
 
 
 def load_terms(stages: Sequence[Stage], setting: Setting) -> list[Term]:
@@ -30,7 +30,7 @@ def load_terms(stages: Sequence[Stage], setting: Setting) -> list[Term]:
         kinds: dict[Any, dict[Place, Any]] = {}
         for place, conditions in stage.items():
             for load in conditions:
-                if isinstance(load, Load) and load.acts and not isinstance(load, Spring):
+                if isinstance(load, Load) and load.acts and not load.steady:
                     kinds.setdefault(type(load), {})[place] = load
         for kind, loads in kinds.items():
             term = kind.term(loads, setting)

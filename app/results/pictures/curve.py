@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pressure, Pull
 from elastune.app.body.conditions.motions import Condition, Rotation, Translation
+from elastune.app.body.conditions.places import Place
 from elastune.app.results.pictures import style
 from elastune.app.results.record import Record
 from elastune.forms.expressions import Expression
@@ -19,7 +19,9 @@ Points = list[tuple[float, float]]
 _KINDS = (Translation, Rotation, Pull, Pressure, NormalPull, Moment, Force, BodyForce)
 
 
-def points(body: Body, records: Sequence[Record]) -> tuple[Labels, Points]:
+def points(
+    acting: Sequence[tuple[Place, Condition]], records: Sequence[Record], stages: int = 1
+) -> tuple[Labels, Points]:
     """What the curve of a run shows, from the state at rest on.
 
     Where a face moves, its force over its path; where one turns, the energy over its angle; otherwise the load
@@ -27,18 +29,19 @@ def points(body: Body, records: Sequence[Record]) -> tuple[Labels, Points]:
     number, the load factor over the largest displacement.
 
     Args:
-        body: What was done to it.
+        acting: What happens to the body at its end, and where.
         records: The recorded steps.
+        stages: Of the load path.
 
     Returns:
         Labels of x and y, and the points.
     """
-    doing = [(place.name, c) for place, c in body.acting() if type(c) in _KINDS and _size(c) != 0]
+    doing = [(place.name, c) for place, c in acting if type(c) in _KINDS and _size(c) != 0]
     if not doing:
         return ("load step", "energy"), [(record.load, record.energy) for record in records]
     face, condition = min(doing, key=lambda entry: _KINDS.index(type(entry[1])))
     size = _size(condition)
-    if len(body.stages) > 1 or size is None:
+    if stages > 1 or size is None:
         return ("largest displacement", "load factor"), _from_rest([(r.max_displacement, r.load) for r in records])
     if isinstance(condition, Translation):
         path = [0.0 if entry is None else float(entry) for entry in condition.vector]  # type: ignore[arg-type]
