@@ -1,0 +1,2 @@
+"""x"""
+def read_unv(model, path, h=None): raise NotImplementedError
