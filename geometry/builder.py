@@ -84,8 +84,8 @@ def build(
     dim = plan.shape.dim
     asked = (selectors("faces", faces, dim), selectors("regions", regions, dim))
 
+    from elastune.geometry.arrays.extract import extract
     from elastune.geometry.distribute import distribute
-    from elastune.geometry.files.extract import extract
     from elastune.geometry.files.msh import groups_of
     from elastune.geometry.sections import make_model
 

@@ -18,7 +18,7 @@ from elastune.geometry.errors import GeometryError
 if TYPE_CHECKING:
     from dolfinx.mesh import Mesh
 
-    from elastune.geometry.files.content import Content, Name
+    from elastune.geometry.arrays.content import Content, Name
 
 # By dimension and name: number, and indices on a rank, owned and ghost.
 Members = dict[int, dict[str, tuple[int, NDArray[np.int32]]]]
@@ -56,9 +56,7 @@ def distribute(comm: MPI.Comm, content: Content | None, where: str) -> tuple[Mes
         if content is not None:
             entities, pieces = content.elements[each].corners, content.elements[each].pieces
         indices, values = _received(mesh, each, entities, pieces)
-        members[each] = {
-            name: (known.number, indices[np.isin(values, known.pieces)]) for name, known in names.items()
-        }
+        members[each] = {name: (known.number, indices[np.isin(values, known.pieces)]) for name, known in names.items()}
         _drop_what_is_no_part(mesh, each, members[each], names, where)
     return mesh, members
 
@@ -86,7 +84,6 @@ def _drop_what_is_no_part(
     mesh.comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
     for (name, known), found in zip(names.items(), counts.tolist(), strict=True):
         if known.exact and found != known.count:
-            kind = "face" if dim == mesh.topology.dim - 1 else "group"
-            raise GeometryError(f"{where}: {kind} {name!r}: expected {known.count} facets of cells, got {found}")
+            raise GeometryError(f"{where}: face {name!r}: expected {known.count} facets of cells, got {found}")
         if not found:
             members.pop(name)

@@ -1,4 +1,4 @@
-"""Names that may overlap, on tags that may not: the entities of a mesh in disjoint pieces, a name for one or several."""
+"""Names that may overlap, on tags that may not: entities are cut into disjoint pieces, a name has one or several."""
 
 from __future__ import annotations
 

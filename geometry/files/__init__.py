@@ -1,1 +1,1 @@
-"""Meshes from files: each kind is brought into a gmsh model, and what the model holds into plain arrays."""
+"""Files of meshes and bodies: each kind is brought into a gmsh model, with the groups that it means."""

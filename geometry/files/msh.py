@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from elastune.geometry.arrays.content import Group
 from elastune.geometry.errors import GeometryError
-from elastune.geometry.files.content import Group
-from elastune.geometry.files.version2 import regroup
+from elastune.geometry.files.version2 import regrouped
 
 # The line a .msh file of any version starts with. gmsh runs any other text as a script, commands and all.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD")
@@ -30,11 +30,11 @@ def read_msh(model: Any, path: Path) -> list[Group]:
     if not start.startswith(HEADERS):
         raise GeometryError(f"{path}: expected a .msh file, starting with $MeshFormat; got {start[:20]!r}")
     merge(path, ".msh")
-    return regroup(model, path) or groups_of(model)
+    return regrouped(model, path.read_bytes()) or groups_of(model)
 
 
-def merge(path: Path, kind: str) -> None:
-    """Have gmsh read a file into the current model.
+def merge(path: Path, kind: str, given: Path | None = None) -> None:
+    """Have gmsh read a file into the current model; messages name the file that was given.
 
     Raises:
         GeometryError: It stopped; with its reason.
@@ -45,15 +45,13 @@ def merge(path: Path, kind: str) -> None:
         gmsh.merge(str(path))
     except Exception as error:  # the only type gmsh raises
         reason = " ".join(str(error).split())
-        raise GeometryError(f"{path}: expected a complete {kind} file; gmsh stopped with: {reason}") from error
+        raise GeometryError(f"{given or path}: expected a complete {kind} file; gmsh stopped with: {reason}") from error
 
 
 def groups_of(model: Any) -> list[Group]:
     """Physical groups and geometric entities of a model."""
     groups = [
-        Group(
-            dim, tag, model.getPhysicalName(dim, tag), tuple(map(int, model.getEntitiesForPhysicalGroup(dim, tag)))
-        )
+        Group(dim, tag, model.getPhysicalName(dim, tag), tuple(map(int, model.getEntitiesForPhysicalGroup(dim, tag))))
         for dim, tag in model.getPhysicalGroups()
     ]
     return groups + [Group(dim, tag, "", (tag,), physical=False) for dim, tag in model.getEntities()]

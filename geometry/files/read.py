@@ -7,12 +7,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from elastune.geometry.arrays.content import Content, Group
+from elastune.geometry.arrays.extract import extract
+from elastune.geometry.arrays.family import dimension
 from elastune.geometry.errors import GeometryError
 from elastune.geometry.files.cad import read_cad
-from elastune.geometry.files.content import Content, Group
 from elastune.geometry.files.convert import read_converted
-from elastune.geometry.files.extract import extract
-from elastune.geometry.files.family import dimension
 from elastune.geometry.files.msh import read_msh
 from elastune.geometry.files.stl import read_stl
 from elastune.geometry.files.unv import read_unv
@@ -70,4 +70,7 @@ def load(
         model.mesh.refine()
     if order > given:
         model.mesh.setOrder(order)
+        if suffix in BODIES:
+            # Nodes that move onto a curved surface may turn the cells behind it inside out.
+            model.mesh.optimize("HighOrder")
     return extract(model, path, dim, groups, {dim - codim: names for codim, names in (asked or {}).items()})

@@ -37,7 +37,7 @@ class Name:
         number: Positive, unlike those of the other names of its dimension.
         pieces: Values of `Elements.pieces` that it has.
         count: Number of its elements.
-        exact: Whether the file asks that all of them are parts of cells.
+        exact: Whether all of them are to be facets of cells: those of a face that the file names.
     """
 
     number: int

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elastune.geometry.arrays.content import Content, Elements, Group, Name
+from elastune.geometry.arrays.family import SAVE_ALL, Family, cell_type
+from elastune.geometry.arrays.naming import names_of
+from elastune.geometry.arrays.reduce import to_second_order
 from elastune.geometry.compat import gmsh_order
 from elastune.geometry.errors import GeometryError
-from elastune.geometry.files.content import KINDS, Content, Elements, Group, Name
-from elastune.geometry.files.family import SAVE_ALL, Family, cell_type
-from elastune.geometry.files.naming import names_of
-from elastune.geometry.files.reduce import to_second_order
 from elastune.geometry.pieces import pieces
 
 Index = NDArray[np.int64]
@@ -61,11 +62,12 @@ def extract(
     if dim == 2 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points, axis=0).max():
         raise GeometryError(f"{path}: expected volume cells; got surface cells, not flat in z {SAVE_ALL}")
 
-    elements = {}
+    source, elements = _Source(model, path, family, tags, rows), {}
     for each in range(dim + 1):
-        known = names_of(path, each, [group for group in groups if group.dim == each], asked.get(each, {}))
+        own = [group for group in groups if group.dim == each]
+        known = names_of(path, each, own, asked.get(each, {}), by_entity=each >= dim - 1)
         if known:
-            elements[each] = _named(model, path, each, family, known, tags, rows)
+            elements[each] = source.named(each, known)
     return Content(
         dim,
         family.cell,
@@ -100,65 +102,65 @@ def _different(elements: Index) -> tuple[Index, Index]:
     return first, which.ravel()
 
 
-def _named(
-    model: Any,
-    path: str | PathLike[str],
-    dim: int,
-    family: Family,
-    known: dict[str, tuple[int, Group]],
-    tags: Index,
-    rows: Index,
-) -> Elements:
-    """The elements of the named groups, each once, in pieces."""
-    width = family.corners if dim == family.dim else family.facet if dim == family.dim - 1 else dim + 1
-    every: dict[int, Index] = {}
-    for name, (_, group) in known.items():
-        for entity in group.entities:
-            if entity not in every:
-                every[entity] = _corners(model, path, dim, entity, width, tags, rows, name if _exact(group, dim) else "")
-    owners = list(every)
-    corners = np.concatenate([np.empty((0, width), dtype=np.int64), *every.values()])
-    entity = np.repeat(np.arange(len(owners)), [len(every[owner]) for owner in owners])
-    # The same element may lie in several entities, or be there once for each of its groups.
-    first, which = _different(corners)
-    where = {str(owner): np.unique(which[entity == k]).astype(np.int32) for k, owner in enumerate(owners)}
-    members = {
-        name: np.unique(np.concatenate([where[str(owner)] for owner in group.entities]))
-        for name, (_, group) in known.items()
-    }
-    members = {name: found for name, found in members.items() if len(found)}
-    _, values, tagged = pieces(members, {name: known[name][0] for name in members})
-    names = {}
-    for name, found in members.items():
-        tag = tagged[name]
-        number, group = known[name]
-        names[name] = Name(number, tag if isinstance(tag, tuple) else (tag,), len(found), _exact(group, dim))
-    return Elements(corners[first], values, names)
+@dataclass(frozen=True)
+class _Source:
+    """Where the elements of a dimension come from: a model, and the rows of its nodes among those of the cells."""
 
+    model: Any
+    path: str | PathLike[str]
+    family: Family
+    tags: Index
+    rows: Index
 
-def _exact(group: Group, dim: int) -> bool:
-    return bool(group.name) and group.physical
+    def named(self, dim: int, known: dict[str, tuple[int, Group]]) -> Elements:
+        """The elements of groups with names, each once, in pieces.
 
+        Raises:
+            GeometryError: A face that the file names has elements that cannot be facets.
+        """
+        every, lost = {}, {}
+        for entity in {entity: None for _, group in known.values() for entity in group.entities}:
+            every[entity], lost[entity] = self._parts(dim, entity)
+        exact = {
+            name: dim == self.family.dim - 1 and group.physical and bool(group.name)
+            for name, (_, group) in known.items()
+        }
+        for name, (_, group) in known.items():
+            reason = next((lost[entity] for entity in group.entities if lost[entity]), None)
+            if exact[name] and reason:
+                raise GeometryError(f"{self.path}: face {name!r}: expected facets of cells, got {reason}")
+        owners = list(every)
+        corners = np.concatenate(list(every.values()))
+        entity = np.repeat(np.arange(len(owners)), [len(every[owner]) for owner in owners])
+        # The same element may lie in several entities, or be there once for each of its groups.
+        first, which = _different(corners)
+        where = {owner: np.unique(which[entity == k]).astype(np.int32) for k, owner in enumerate(owners)}
+        members = {
+            name: np.unique(np.concatenate([where[owner] for owner in group.entities]))
+            for name, (_, group) in known.items()
+            if group.entities
+        }
+        members = {name: found for name, found in members.items() if len(found)}
+        _, values, tagged = pieces(members, {name: known[name][0] for name in members})
+        names = {}
+        for name, found in members.items():
+            tag = tagged[name]
+            names[name] = Name(known[name][0], tag if isinstance(tag, tuple) else (tag,), len(found), exact[name])
+        return Elements(corners[first], values, names)
 
-def _corners(
-    model: Any, path: str | PathLike[str], dim: int, entity: int, width: int, tags: Index, rows: Index, name: str
-) -> Index:
-    """Corners of the elements of an entity that can be parts of cells; a group with a name may have no others."""
-    found = [np.empty((0, width), dtype=np.int64)]
-    for kind, elements, nodes in zip(*model.mesh.getElements(dim, entity), strict=True):
-        title, _, _, count, _, corners = model.mesh.getElementProperties(kind)
-        if corners != width:
-            if name:
-                raise GeometryError(
-                    f"{path}: {KINDS[dim][:-1]} group {name!r}: expected elements of {width} corners, parts of the "
-                    f"cells; got {title}"
-                )
-            continue
-        of_cells = rows[_places(tags, nodes).reshape(len(elements), count)[:, :width]]
-        inside = (of_cells >= 0).all(axis=1)
-        if name and not inside.all():
-            raise GeometryError(
-                f"{path}: {KINDS[dim][:-1]} group {name!r}: expected parts of cells, got nodes of no cell {SAVE_ALL}"
-            )
-        found.append(of_cells[inside])
-    return np.concatenate(found)
+    def _parts(self, dim: int, entity: int) -> tuple[Index, str]:
+        """Corners of the elements of an entity that can be parts of cells; why others cannot."""
+        family = self.family
+        width = {family.dim: family.corners, family.dim - 1: family.facet}.get(dim, dim + 1)
+        found, lost = [np.empty((0, width), dtype=np.int64)], ""
+        for kind, elements, nodes in zip(*self.model.mesh.getElements(dim, entity), strict=True):
+            title, *_, corners = self.model.mesh.getElementProperties(kind)
+            if corners != width:
+                lost = f"elements {title} on {family.cell} cells"
+                continue
+            of_cells = self.rows[_places(self.tags, nodes).reshape(len(elements), -1)[:, :width]]
+            inside = (of_cells >= 0).all(axis=1)
+            if not inside.all():
+                lost = f"nodes of no cell {SAVE_ALL}"
+            found.append(of_cells[inside])
+        return np.concatenate(found), lost

@@ -55,7 +55,7 @@ def dimension(model: Any, path: str | PathLike[str]) -> int:
 
 
 def cell_type(model: Any, path: str | PathLike[str], dim: int) -> tuple[int, Family]:
-    """gmsh's number of the type of all cells, and what they are.
+    """Gmsh's number of the type of all cells, and what they are.
 
     Raises:
         GeometryError: They are of several types, or prisms or pyramids: with what splits them.

@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from os import PathLike
 
+from elastune.geometry.arrays.content import KINDS, Group
 from elastune.geometry.errors import GeometryError
-from elastune.geometry.files.content import KINDS, Group
 
 
 def names_of(
-    path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[str, int]
+    path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[str, int], by_entity: bool
 ) -> dict[str, tuple[int, Group]]:
     """Names of the groups of one dimension, each with a number of its own.
 
-    A physical group without a name is called by its number, and so is a geometric entity that lies in no physical
-    group, unless a physical group has this number.
+    A physical group without a name is called by its number, and so is, of faces and regions, a geometric entity that
+    lies in no physical group, unless a physical group has this number.
 
     Args:
         path: For messages.
         dim: Dimension.
         groups: All of this dimension.
         asked: Further names, of the physical groups, or else the entities, of these numbers.
+        by_entity: Whether entities are called by their numbers.
 
     Raises:
         GeometryError: Two groups have one name, or no group has a number that is asked for.
@@ -36,7 +37,7 @@ def names_of(
             raise GeometryError(f"{path}: expected one physical group {name!r} of {KINDS[dim]}, got two")
         found[name] = group
     for group in groups:
-        if not group.physical and group.number not in numbers and not grouped.issuperset(group.entities):
+        if by_entity and not group.physical and group.number not in numbers and not grouped.issuperset(group.entities):
             found.setdefault(str(group.number), group)
 
     known: dict[str, tuple[int, Group]] = {}

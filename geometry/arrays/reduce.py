@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elastune.geometry.files.family import Family
+from elastune.geometry.arrays.family import Family
 
 
 def to_second_order(
@@ -39,7 +39,7 @@ def to_second_order(
         on = np.sort(cells[:, :corners][:, linear[node]], axis=1)
         rows.append(np.pad(on, ((0, 0), (0, corners - on.shape[1])), constant_values=-1))
         places.append(np.einsum("k,mki->mi", shapes[node], points[cells]))
-    keys, first, nodes = np.unique(np.concatenate(rows), axis=0, return_index=True, return_inverse=True)
+    _, first, nodes = np.unique(np.concatenate(rows), axis=0, return_index=True, return_inverse=True)
     return target, np.concatenate(places)[first], nodes.reshape(count, len(cells)).T.astype(np.int64)
 
 
