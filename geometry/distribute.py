@@ -52,7 +52,8 @@ def distribute(comm: MPI.Comm, content: Content | None, where: str) -> tuple[Mes
 
     members: Members = {}
     for each, (corners, names) in named.items():
-        entities, pieces = np.empty((0, corners), dtype=np.int64), np.empty(0, dtype=np.int32)
+        entities: NDArray[np.int64] = np.empty((0, corners), dtype=np.int64)
+        pieces: NDArray[np.int32] = np.empty(0, dtype=np.int32)
         if content is not None:
             entities, pieces = content.elements[each].corners, content.elements[each].pieces
         indices, values = _received(mesh, each, entities, pieces)
@@ -82,7 +83,7 @@ def _drop_what_is_no_part(
     owned = mesh.topology.index_map(dim).size_local
     counts = np.array([np.count_nonzero(indices < owned) for _, indices in members.values()], dtype=np.int64)
     mesh.comm.Allreduce(MPI.IN_PLACE, counts, op=MPI.SUM)
-    for (name, known), found in zip(names.items(), counts.tolist(), strict=True):
+    for (name, known), found in zip(names.items(), counts, strict=True):
         if known.exact and found != known.count:
             raise GeometryError(f"{where}: face {name!r}: expected {known.count} facets of cells, got {found}")
         if not found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from elastune.geometry.errors import GeometryError
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Indices = NDArray[np.int32]
-    # Names of a kind: the tag of each, or the tags where it has entities in common with another one.
-    Names = Mapping[str, int | tuple[int, ...]]
+    # Names of a kind: the tag of each, or several where it shares entities with another name; a measure takes both.
+    Names = Mapping[str, Any]
 
 MOST_LISTED = 20
 

@@ -118,7 +118,8 @@ class _Source:
         Raises:
             GeometryError: A face that the file names has elements that cannot be facets.
         """
-        every, lost = {}, {}
+        every: dict[int, Index] = {}
+        lost: dict[int, str] = {}
         for entity in {entity: None for _, group in known.values() for entity in group.entities}:
             every[entity], lost[entity] = self._parts(dim, entity)
         exact = {
@@ -131,10 +132,10 @@ class _Source:
                 raise GeometryError(f"{self.path}: face {name!r}: expected facets of cells, got {reason}")
         owners = list(every)
         corners = np.concatenate(list(every.values()))
-        entity = np.repeat(np.arange(len(owners)), [len(every[owner]) for owner in owners])
+        places = np.repeat(np.arange(len(owners)), [len(every[owner]) for owner in owners])
         # The same element may lie in several entities, or be there once for each of its groups.
         first, which = _different(corners)
-        where = {owner: np.unique(which[entity == k]).astype(np.int32) for k, owner in enumerate(owners)}
+        where = {owner: np.unique(which[places == k]).astype(np.int32) for k, owner in enumerate(owners)}
         members = {
             name: np.unique(np.concatenate([where[owner] for owner in group.entities]))
             for name, (_, group) in known.items()
@@ -152,7 +153,8 @@ class _Source:
         """Corners of the elements of an entity that can be parts of cells; why others cannot."""
         family = self.family
         width = {family.dim: family.corners, family.dim - 1: family.facet}.get(dim, dim + 1)
-        found, lost = [np.empty((0, width), dtype=np.int64)], ""
+        found: list[Index] = [np.empty((0, width), dtype=np.int64)]
+        lost = ""
         for kind, elements, nodes in zip(*self.model.mesh.getElements(dim, entity), strict=True):
             title, *_, corners = self.model.mesh.getElementProperties(kind)
             if corners != width:

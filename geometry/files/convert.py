@@ -81,7 +81,7 @@ def _sets(mesh: Any, starts: Index) -> dict[Label, Index]:
     for key, blocks in _numbers(mesh).items():
         names = getattr(mesh, "cell_tags", {}) if key == "cell_tags" else {}
         for k, numbers in enumerate(blocks):
-            for number in np.unique(numbers).tolist():
+            for number in map(int, np.unique(numbers)):
                 if number == 0 and key in ZERO_IS_NONE:
                     continue
                 where = starts[k] + np.flatnonzero(numbers == number)

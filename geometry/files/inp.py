@@ -35,14 +35,28 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 FACET = {2: "line", 3: "triangle", 4: "quad"}
 
+NODES = {cell: count for table in (SOLID, PLANE, LINE) for count, cell in table.items()}
+
+Index = NDArray[np.int64]
 Card = tuple[str, dict[str, str], list[list[str]]]
 
 
 class Part:
-    """What the cards of a file say."""
+    """What the cards of a file say.
 
-    def __init__(self) -> None:
-        """An empty part."""
+    Attributes:
+        points: Places of the nodes.
+        rows: Of each node by number, its place in `points`.
+        types: meshio's cell type of each element by number.
+        nodes: Of each element by number, its nodes' places.
+        node_sets: Numbers of nodes, by name.
+        element_sets: Numbers of elements, by name.
+        surfaces: Elements and sides, by name; side 0 is the element, of a shell.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """An empty part of a file."""
+        self._path, self._ended, self._spelled = path, False, dict[str, str]()
         self.points: list[list[float]] = []
         self.rows: dict[int, int] = {}
         self.types: dict[int, str] = {}
@@ -51,56 +65,70 @@ class Part:
         self.element_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[int, int]]] = {}
 
-    def take(self, path: Path, card: Card) -> None:
+    def take(self, card: Card) -> None:
         """Add what one card says."""
         keyword, options, lines = card
-        if keyword == "NODE":
+        # Behind the part, an assembly has nodes and sets of its own, unless they are said to be of the part.
+        own = not self._ended or "INSTANCE" in options
+        if keyword == "PART" and self._ended:
+            raise GeometryError(f"{self._path}: expected one part, got several")
+        if keyword == "INSTANCE" and lines:
+            raise GeometryError(f"{self._path}: expected one part where it is, got an instance that is moved")
+        self._ended |= keyword == "END PART"
+        if keyword == "NODE" and own:
             for words in lines:
-                self.rows[int(words[0])] = len(self.points)
+                if self.rows.setdefault(int(words[0]), len(self.points)) != len(self.points):
+                    raise GeometryError(f"{self._path}: expected one node {words[0]}, got two")
                 self.points.append([float(word) for word in (*words[1:4], "0", "0")[:3]])
             self._add(self.node_sets, options.get("NSET"), [int(words[0]) for words in lines])
-        elif keyword == "ELEMENT":
-            self._elements(path, options, lines)
-        elif keyword == "NSET":
-            self._add(self.node_sets, options.get("NSET"), _numbers(options, lines, self.node_sets))
-        elif keyword == "ELSET":
-            self._add(self.element_sets, options.get("ELSET"), _numbers(options, lines, self.element_sets))
+        elif keyword == "ELEMENT" and own:
+            self._elements(options, lines)
+        elif keyword == "NSET" and own:
+            self._add(self.node_sets, options["NSET"], self._numbers(options, lines, self.node_sets))
+        elif keyword == "ELSET" and own:
+            self._add(self.element_sets, options["ELSET"], self._numbers(options, lines, self.element_sets))
         elif keyword == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "NODE":
-            self._add(self.node_sets, options.get("NAME"), _numbers({}, [words[:1] for words in lines], self.node_sets))
-        elif keyword == "SURFACE":
-            faces = self.surfaces.setdefault(options.get("NAME", ""), [])
+            first = [words[:1] for words in lines]
+            self._add(self.node_sets, options["NAME"], self._numbers({}, first, self.node_sets))
+        elif keyword == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "ELEMENT":
+            faces = self.surfaces.setdefault(options["NAME"], [])
             for words in lines:
-                elements = _numbers({}, [words[:1]], self.element_sets)
                 side = words[1].upper() if len(words) > 1 else ""
-                # Without a side, or with one of a shell, the elements are the surface.
                 number = int(side[1:]) if re.fullmatch(r"S\d", side) else 0
-                faces.extend((element, number) for element in elements)
-        elif keyword == "INSTANCE" and lines:
-            raise GeometryError(f"{path}: expected one part where it is; got an instance that is moved")
+                faces += [(element, number) for element in self._numbers({}, [words[:1]], self.element_sets)]
 
-    def _elements(self, path: Path, options: dict[str, str], lines: list[list[str]]) -> None:
+    def _elements(self, options: dict[str, str], lines: list[list[str]]) -> None:
         kind = options.get("TYPE", "").upper()
         cell = next((names.get(int(m[1])) for pattern, names in TYPES if (m := pattern.match(kind))), None)
         if cell is None:
             if NO_BODY.match(kind):
                 return
-            raise GeometryError(f"{path}: expected elements of Abaqus for bodies, such as C3D4 or C3D8; got {kind!r}")
-        width = int(
-            re.sub(r"\D", "", cell)
-            or {"line": 2, "triangle": 3, "quad": 4, "tetra": 4, "wedge": 6, "pyramid": 5, "hexahedron": 8}[cell]
-        )
-        words = [int(word) for line in lines for word in line if word]
+            expected = "elements of bodies, such as C3D4 or C3D8"
+            raise GeometryError(f"{self._path}: expected {expected}; got {kind!r}")
+        words, width = [int(word) for line in lines for word in line if word], NODES[cell]
         for at in range(0, len(words), width + 1):
             number, *nodes = words[at : at + width + 1]
             if len(nodes) != width:
-                raise GeometryError(f"{path}: element {number}: expected {width} nodes, got {len(nodes)}")
+                raise GeometryError(f"{self._path}: element {number}: expected {width} nodes, got {len(nodes)}")
             self.types[number], self.nodes[number] = cell, [self.rows[node] for node in nodes]
         self._add(self.element_sets, options.get("ELSET"), words[:: width + 1])
 
-    @staticmethod
-    def _add(sets: dict[str, list[int]], name: str | None, members: list[int]) -> None:
+    def _add(self, sets: dict[str, list[int]], name: str | None, members: list[int]) -> None:
         if name:
-            sets.setdefault(name, []).extend(members)
+            sets.setdefault(self._spelling(name), []).extend(members)
+
+    def _spelling(self, name: str) -> str:
+        """A name as it was written first: case does not matter, nor does the instance before it."""
+        name = name.rpartition(".")[2]
+        return self._spelled.setdefault(name.upper(), name)
+
+    def _numbers(self, options: dict[str, str], lines: list[list[str]], sets: dict[str, list[int]]) -> list[int]:
+        """Members of a set: numbers, other sets, or ranges."""
+        if "GENERATE" in options:
+            ranges = [[int(word) for word in words] for words in lines]
+            return [k for start, stop, *step in ranges for k in range(start, stop + 1, *step)]
+        words = [word for line in lines for word in line if word]
+        return [k for word in words for k in ([int(word)] if word.isdigit() else sets[self._spelling(word)])]
 
 
 def read_inp(path: Path) -> Any:
@@ -113,35 +141,31 @@ def read_inp(path: Path) -> Any:
     """
     import meshio
 
-    part = Part()
-    parts = 0
+    part = Part(path)
     try:
         for card in _cards(path):
-            parts += card[0] in ("PART", "INSTANCE") and card[0] == "PART"
-            if parts > 1:
-                raise GeometryError(f"{path}: expected one part, got several")
-            part.take(path, card)
-    except (ValueError, KeyError, IndexError, UnicodeDecodeError, OSError) as error:
+            part.take(card)
+    except (ValueError, KeyError, IndexError, OSError) as error:
         raise GeometryError(f"{path}: expected a complete .inp file; got {type(error).__name__}: {error}") from error
-    blocks: list[tuple[str, NDArray[np.int64]]] = []
+    nodes = {name: [part.rows[node] for node in members] for name, members in part.node_sets.items()}
+    blocks: list[tuple[str, Index]] = []
     places: dict[int, tuple[int, int]] = {}
     for cell in dict.fromkeys(part.types.values()):
         own = [number for number, kind in part.types.items() if kind == cell]
         places |= {number: (len(blocks), k) for k, number in enumerate(own)}
         blocks.append((cell, np.array([part.nodes[number] for number in own], dtype=np.int64)))
-    cells = {name: _by_block(places, members, len(blocks)) for name, members in part.element_sets.items()}
-    facets = {name: _faces(part, faces) for name, faces in part.surfaces.items()}
-    nodes = {name: [part.rows[node] for node in members] for name, members in part.node_sets.items()}
-    facets = {**_on_skin(blocks, nodes), **facets}
-    for name, found in facets.items():
+    # Places in each block, by set and block.
+    sets: dict[str, dict[int, Any]] = {name: {} for name in part.element_sets}
+    for name, members in part.element_sets.items():
+        for block, k in (places[member] for member in members if member in places):
+            sets[name].setdefault(block, []).append(k)
+    surfaces = _on_skin(blocks, nodes) | {name: _faces(path, part, faces) for name, faces in part.surfaces.items()}
+    for name, found in surfaces.items():
         for width, corners in found.items():
+            sets.setdefault(name, {})[len(blocks)] = range(len(corners))
             blocks.append((FACET[width], corners))
-            cells.setdefault(name, [np.empty(0, dtype=np.int64)] * (len(blocks) - 1))
-            cells[name] += [np.empty(0, dtype=np.int64)] * (len(blocks) - 1 - len(cells[name]))
-            cells[name].append(np.arange(len(corners)))
-    for members in cells.values():
-        members += [np.empty(0, dtype=np.int64)] * (len(blocks) - len(members))
-    return meshio.Mesh(part.points, blocks, cell_sets=cells, point_sets=nodes)
+    cell_sets = {name: [list(own.get(k, [])) for k in range(len(blocks))] for name, own in sets.items()}
+    return meshio.Mesh(part.points, blocks, cell_sets=cell_sets, point_sets=nodes)
 
 
 def _cards(path: Path) -> Iterator[Card]:
@@ -165,52 +189,34 @@ def _cards(path: Path) -> Iterator[Card]:
         yield card
 
 
-def _numbers(options: dict[str, str], lines: list[list[str]], sets: dict[str, list[int]]) -> list[int]:
-    """Members of a set: numbers, other sets, or ranges."""
-    if "GENERATE" in options:
-        ranges = [[int(word) for word in words] for words in lines]
-        return [k for start, stop, *step in ranges for k in range(start, stop + 1, *step)]
-    words = [word for line in lines for word in line if word]
-    return [k for word in words for k in ([int(word)] if word.isdigit() else sets[word])]
-
-
-def _by_block(places: dict[int, tuple[int, int]], members: list[int], count: int) -> list[NDArray[np.int64]]:
-    found: list[list[int]] = [[] for _ in range(count)]
-    for member in members:
-        if member in places:
-            block, k = places[member]
-            found[block].append(k)
-    return [np.array(each, dtype=np.int64) for each in found]
-
-
-def _faces(part: Part, faces: list[tuple[int, int]]) -> dict[int, NDArray[np.int64]]:
+def _faces(path: Path, part: Part, faces: list[tuple[int, int]]) -> dict[int, Index]:
     """Corners of the facets of a surface, by their count."""
     found: dict[int, list[list[int]]] = {}
     for element, side in faces:
         base = re.sub(r"\d", "", part.types[element])
+        if side == 0 and base not in ("triangle", "quad"):
+            raise GeometryError(f"{path}: expected a surface by sides S1, S2, …; got elements {base} without")
         corners = range(len(FACES[base])) if side == 0 else FACES[base][side - 1]
         nodes = [part.nodes[element][corner] for corner in corners]
         found.setdefault(len(nodes), []).append(nodes)
     return {width: np.array(each, dtype=np.int64) for width, each in found.items()}
 
 
-def _on_skin(
-    blocks: list[tuple[str, NDArray[np.int64]]], sets: dict[str, list[int]]
-) -> dict[str, dict[int, NDArray[np.int64]]]:
+def _on_skin(blocks: list[tuple[str, Index]], sets: dict[str, list[int]]) -> dict[str, dict[int, Index]]:
     """Facets with one cell only whose corners all lie in a node set, by set and count of corners."""
     solid = any(kind.startswith(("tetra", "hexa")) for kind, _ in blocks)
     bases = [re.sub(r"\d", "", kind) for kind, _ in blocks]
     wanted = ("tetra", "hexahedron") if solid else ("triangle", "quad")
-    facets: dict[int, list[NDArray[np.int64]]] = {}
+    facets: dict[int, list[Any]] = {}
     for base, (_, nodes) in zip(bases, blocks, strict=True):
         if base in wanted:
             for corners in FACES[base]:
                 facets.setdefault(len(corners), []).append(nodes[:, corners])
-    found: dict[str, dict[int, NDArray[np.int64]]] = {name: {} for name in sets}
+    found: dict[str, dict[int, Index]] = {name: {} for name in sets}
     for width, each in facets.items():
-        corners = np.concatenate(each)
-        _, first, counts = np.unique(np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True)
-        outer = corners[first[counts == 1]]
+        every = np.concatenate(each)
+        _, first, counts = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
+        outer: Index = every[first[counts == 1]]
         for name, members in sets.items():
             inside = np.isin(outer, members).all(axis=1)
             if inside.any():

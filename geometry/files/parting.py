@@ -96,7 +96,7 @@ class Elements:
         for kind, block in self._blocks:
             here = slice(start, start + len(block))
             start += len(block)
-            for value in np.unique(values[here]).tolist():
+            for value in map(int, np.unique(values[here])):
                 dim, own = int(self.dims[here.start]), values[here] == value
                 if (dim, value) not in self._model.getEntities(dim):
                     self._model.addDiscreteEntity(dim, value)

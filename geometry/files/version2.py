@@ -61,13 +61,15 @@ def _of_lines(body: bytes) -> tuple[list[int], list[int]]:
 def _of_words(model: Any, data: bytes, body: bytes, left: int) -> tuple[list[int], list[int]]:
     # The number one, in the file's order of bytes, follows the line with the version.
     one = data.partition(b"$MeshFormat")[2].split(b"\n", 2)[2][:4]
-    words = np.frombuffer(body, "<i4" if one[0] == 1 else ">i4", len(body) // 4)
-    numbers, groups, at = [], [], 0
+    words: Index = np.frombuffer(body, "<i4" if one[0] == 1 else ">i4", len(body) // 4).astype(np.int64)
+    numbers: list[int] = []
+    groups: list[int] = []
+    at = 0
     while left > 0:
-        kind, many, extra = words[at : at + 3].tolist()
+        kind, many, extra = (int(word) for word in words[at : at + 3])
         width = 1 + extra + model.mesh.getElementProperties(kind)[3]
         block = words[at + 3 : at + 3 + many * width].reshape(many, width)
-        numbers += block[:, 0].tolist()
-        groups += block[:, 1].tolist() if extra else [0] * many
+        numbers.extend(block[:, 0])
+        groups.extend(block[:, 1] if extra else [0] * many)
         at, left = at + 3 + many * width, left - many
     return numbers, groups

@@ -74,20 +74,24 @@ class Finder:
             if len(vector) != self.dim:
                 text = f"{selector.key} = {selector.text}"
                 raise GeometryError(f"{text}: expected {self.dim} numbers, got {len(vector)}, in {self.dim}D")
-        match selector.kind:
-            case "plane":
-                normal, point = vectors
-                return np.abs((x - point) @ normal) <= slack
-            case "box":
-                low, high = vectors
-                return ((x >= low - slack) & (x <= high + slack)).all(axis=1)
-            case "sphere":
-                return np.linalg.norm(x - vectors[0], axis=1) <= selector.radius + slack
-            case "cylinder":
-                axis, center = vectors
-                away = x - center
-                return np.linalg.norm(away - np.outer(away @ axis, axis), axis=1) <= selector.radius + slack
-        return np.ones(len(x), dtype=bool)
+        return np.asarray(_distance(selector, vectors, x) <= slack)
+
+
+def _distance(selector: Selector, vectors: list[Array], x: Array) -> Array:
+    """How far each point is from what is selected, shape (n,); negative or zero within a solid."""
+    if selector.kind == "plane":
+        normal, point = vectors
+        return np.abs((x - point) @ normal)
+    if selector.kind == "box":
+        low, high = vectors
+        return np.maximum(low - x, x - high).max(axis=1)
+    if selector.kind == "sphere":
+        return np.linalg.norm(x - vectors[0], axis=1) - selector.radius
+    if selector.kind == "cylinder":
+        axis, center = vectors
+        away = x - center
+        return np.linalg.norm(away - np.outer(away @ axis, axis), axis=1) - selector.radius
+    return np.zeros(len(x))
 
 
 def _point(x: Array) -> str:
