@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -23,7 +23,7 @@ Index = NDArray[np.int64]
 
 
 def extract(
-    model: Any, path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: dict[int, dict[str, int]]
+    model: Any, path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[int, Mapping[str, int]]
 ) -> Content:
     """Take cells, and the elements that have names, out of a model.
 
@@ -32,7 +32,7 @@ def extract(
         path: Where it comes from, for messages.
         dim: Dimension of the cells.
         groups: Of its elements.
-        asked: Further names, by dimension: of the groups, or else the entities, of these numbers.
+        asked: Further names, by codimension: of the groups, or else the entities, of these numbers.
 
     Raises:
         GeometryError: The cells are of no one supported type, or the elements of a named face are no facets.
@@ -57,7 +57,7 @@ def extract(
         name = model.mesh.getElementProperties(kind)[0]
         kind, points, cells = to_second_order(model, kind, family, points, cells)
         rows[corners] = cells[:, : family.corners]
-        logging.getLogger("elastune").info("%s: cells %s become those of second order", path, name)
+        logging.getLogger("elastune").warning("%s: cells %s become those of second order", path, name)
 
     if dim == 2 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points, axis=0).max():
         raise GeometryError(f"{path}: expected volume cells; got surface cells, not flat in z {SAVE_ALL}")
@@ -65,7 +65,7 @@ def extract(
     source, elements = _Source(model, path, family, tags, rows), {}
     for each in range(dim + 1):
         own = [group for group in groups if group.dim == each]
-        known = names_of(path, each, own, asked.get(each, {}), by_entity=each >= dim - 1)
+        known = names_of(path, each, own, asked.get(dim - each, {}), by_entity=each >= dim - 1)
         if known:
             elements[each] = source.named(each, known)
     return Content(

@@ -34,7 +34,7 @@ def load(
     order: int = 1,
     refine: int = 0,
     h: float | None = None,
-    asked: Mapping[int, dict[str, int]] | None = None,
+    asked: Mapping[int, Mapping[str, int]] | None = None,
 ) -> Content:
     """Read a file into the current gmsh model, and from there.
 
@@ -73,4 +73,4 @@ def load(
         if suffix in BODIES:
             # Nodes that move onto a curved surface may turn the cells behind it inside out.
             model.mesh.optimize("HighOrder")
-    return extract(model, path, dim, groups, {dim - codim: names for codim, names in (asked or {}).items()})
+    return extract(model, path, dim, groups, asked or {})

@@ -18,18 +18,15 @@ Index = NDArray[np.int64]
 
 
 def regrouped(model: Any, data: bytes) -> list[Group] | None:
-    """Part the entities of a model by the physical groups of their elements, where the file is of version 2.
+    """Part the entities of a model by the physical groups of their elements.
 
     Args:
         model: What gmsh made of the file.
-        data: The file.
+        data: The file, of version 2.
 
     Returns:
         The groups; None where gmsh has them right.
     """
-    version = data.partition(b"$MeshFormat")[2].split(None, 1)[:1]
-    if not version or not version[0].startswith(b"2"):
-        return None
     numbers, physical = _physical(model, data)
     elements = Elements(model)
     own = physical[np.searchsorted(numbers, elements.numbers)]

@@ -94,8 +94,8 @@ def _plane(key: str, keys: Mapping[str, Any], dim: int | None) -> dict[str, Any]
         if plane not in (axes := list(AXES)[: dim or 3]):
             raise GeometryError(f"{key} = {plane!r}: expected {', '.join(axes)}, or {{normal, point}}")
         if not _is_number(keys.get("at")):
-            where = "missing" if "at" not in keys else f"= {keys['at']!r}"
-            raise GeometryError(f"{key.removesuffix('plane')}at: {where}; expected the plane's place along {plane}")
+            where = f" = {keys['at']!r}:" if "at" in keys else ": missing;"
+            raise GeometryError(f"{key.removesuffix('plane')}at{where} expected the plane's place along {plane}")
         # In 2D and 3D alike: vectors are cut to the mesh's dimension.
         place = tuple(float(keys["at"]) * part for part in AXES[plane])
         return {"vectors": (AXES[plane], place)}
