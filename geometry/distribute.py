@@ -50,6 +50,7 @@ def distribute(comm: MPI.Comm, content: Content | None, where: str) -> tuple[Mes
     points = np.empty((0, dim)) if content is None else content.points
     mesh = create_mesh(comm, cells, points, element)
 
+    mesh.topology.create_connectivity(dim - 1, dim)
     members: Members = {}
     for each, (corners, names) in named.items():
         entities: NDArray[np.int64] = np.empty((0, corners), dtype=np.int64)

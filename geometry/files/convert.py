@@ -1,4 +1,4 @@
-"""Meshes of other programs: read by meshio, their groups kept, handed to gmsh as a temporary `.msh`."""
+"""Meshes of other programs: read by meshio or VTK, their groups kept, handed to gmsh as a temporary `.msh`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from elastune.geometry.errors import GeometryError
 from elastune.geometry.files.inp import read_inp
 from elastune.geometry.files.msh import merge
 from elastune.geometry.files.parting import Label, part
+from elastune.geometry.files.vtk import read_vtk
 
 # Cell data that number groups, by what wrote them; where there are none of these, the only whole numbers there are.
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "cell_tags", "CellEntityIds", "avsucd:material", "tetgen:ref")
@@ -29,17 +30,17 @@ Index = NDArray[np.int64]
 
 
 def read_converted(model: Any, path: Path) -> list[Group]:
-    """Read a file of any kind that meshio knows into an empty model.
+    """Read a file of any kind that meshio or VTK knows into an empty model.
 
     Returns:
         Its groups: sets of cells and of points by name, families, and numbers in cell data.
 
     Raises:
-        GeometryError: meshio stopped, or knows a cell type that gmsh does not.
+        GeometryError: They stopped, or know a cell type that gmsh does not.
     """
     import meshio
 
-    mesh = read_inp(path) if path.suffix.lower() == ".inp" else _read(path)
+    mesh = {".inp": read_inp, ".vtk": read_vtk, ".vtu": read_vtk}.get(path.suffix.lower(), _read)(path)
     if mesh.point_sets:
         nodes = np.unique(np.concatenate([np.asarray(each, dtype=np.int64) for each in mesh.point_sets.values()]))
         mesh.cells.append(meshio.CellBlock("vertex", nodes[:, None]))
