@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import basix.ufl
 import numpy as np
-from dolfinx.cpp.graph import AdjacencyList_int32
+from dolfinx.graph import adjacencylist
 from dolfinx.io import distribute_entity_data
 from dolfinx.mesh import meshtags_from_entities
 from mpi4py import MPI
@@ -72,7 +72,7 @@ def _received(
     topology.create_connectivity(dim, topology.dim)
     topology.create_connectivity(dim, 0)
     local, values = distribute_entity_data(mesh, dim, entities, pieces)
-    tags = meshtags_from_entities(mesh, dim, AdjacencyList_int32(local), values.astype(np.int32, copy=False))
+    tags = meshtags_from_entities(mesh, dim, adjacencylist(local), values.astype(np.int32, copy=False))
     there = tags.indices >= 0
     return tags.indices[there], tags.values[there]
 

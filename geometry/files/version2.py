@@ -46,27 +46,33 @@ def _physical(model: Any, data: bytes) -> tuple[Index, Index]:
     count, _, body = data.partition(b"$Elements")[2].lstrip(b" \r").removeprefix(b"\n").partition(b"\n")
     numbers, groups = _of_words(model, data, body, int(count)) if binary else _of_lines(body)
     ascending = np.argsort(numbers)
-    return np.array(numbers, dtype=np.int64)[ascending], np.array(groups, dtype=np.int64)[ascending]
+    return numbers[ascending], groups[ascending]
 
 
-def _of_lines(body: bytes) -> tuple[list[int], list[int]]:
+def _of_lines(body: bytes) -> tuple[Index, Index]:
     rows = [line.split(None, 4) for line in body.partition(b"$EndElements")[0].splitlines()]
     rows = [row for row in rows if len(row) > 3]
-    return [int(row[0]) for row in rows], [int(row[3]) if int(row[2]) else 0 for row in rows]
+    words = np.array([row[:4] for row in rows], dtype="S20").astype(np.int64).reshape(-1, 4)
+    return words[:, 0], np.where(words[:, 2] > 0, words[:, 3], 0)
 
 
-def _of_words(model: Any, data: bytes, body: bytes, left: int) -> tuple[list[int], list[int]]:
+def _of_words(model: Any, data: bytes, body: bytes, left: int) -> tuple[Index, Index]:
     # The number one, in the file's order of bytes, follows the line with the version.
     one = data.partition(b"$MeshFormat")[2].split(b"\n", 2)[2][:4]
-    words: Index = np.frombuffer(body, "<i4" if one[0] == 1 else ">i4", len(body) // 4).astype(np.int64)
-    numbers: list[int] = []
-    groups: list[int] = []
-    at = 0
+    words = np.frombuffer(body, "<i4" if one[0] == 1 else ">i4", len(body) // 4)
+    found, at = [np.empty((0, 2), dtype=np.int64)], 0
     while left > 0:
         kind, many, extra = (int(word) for word in words[at : at + 3])
         width = 1 + extra + model.mesh.getElementProperties(kind)[3]
-        block = words[at + 3 : at + 3 + many * width].reshape(many, width)
-        numbers.extend(block[:, 0])
-        groups.extend(block[:, 1] if extra else [0] * many)
-        at, left = at + 3 + many * width, left - many
-    return numbers, groups
+        # gmsh gives each element a header of its own: blocks with the same one are read together.
+        size = 3 + many * width
+        blocks = words[at : at + left // many * size]
+        blocks = blocks[: len(blocks) // size * size].reshape(-1, size)
+        other = np.flatnonzero((blocks[:, :3] != blocks[0, :3]).any(axis=1))
+        blocks = blocks[: other[0] if len(other) else None]
+        elements = blocks[:, 3:].reshape(-1, width)
+        physical = elements[:, 1] if extra else np.zeros(len(elements))
+        found.append(np.stack([elements[:, 0], physical], axis=1).astype(np.int64))
+        at, left = at + blocks.size, left - len(elements)
+    whole = np.concatenate(found)
+    return whole[:, 0], whole[:, 1]
