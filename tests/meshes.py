@@ -229,7 +229,8 @@ def by_meshio(path: Path, data: str | None = None, zero_elementary: bool = False
     if path.suffix == ".med":
         mesh.cell_data["cell_tags"] = [-each for each in numbers]
         mesh.cell_tags = {-1: ["foot", "ends"], -2: ["head", "ends"], -3: ["soft"], -4: ["hard"]}
-        mesh.point_tags = {}
+        mesh.point_data["point_tags"] = np.array([8, 9] + [0] * (len(points) - 2))
+        mesh.point_tags = {8: ["corner", "edge"], 9: ["edge"]}
     formats = {".msh": "gmsh22", ".bdf": "nastran", ".vtk": "vtk42" if extra else "vtk"}
     kind = formats.get(path.suffix)
     meshio.write(path, mesh, file_format=kind, **({"binary": False} if path.suffix == ".msh" else {}))
@@ -387,7 +388,9 @@ KINDS: dict[str, Kind] = {
     "vtu": Kind("part.vtu", lambda path: by_meshio(path, "gmsh:physical", extra=True), 2, NUMBERED, HALVES),
     "vtu, bare": Kind("part.vtu", by_meshio, 2, {"foot": 1, "skin": 10}, {"soft": 1}, arguments=SELECT),
     "xdmf": Kind("part.xdmf", lambda path: by_meshio(path, "gmsh:physical"), 2, NUMBERED, HALVES),
-    "med": Kind("part.med", by_meshio, 2, ENDS | {"ends": 2}, {"soft": 1, "hard": 1}),
+    "med": Kind(
+        "part.med", by_meshio, 2, ENDS | {"ends": 2}, {"soft": 1, "hard": 1}, points={"corner": 1, "edge": 2}
+    ),
     "bdf": Kind("part.bdf", lambda path: by_meshio(path, "nastran:ref"), 2, NUMBERED, HALVES),
     "bdf of gmsh": Kind("part.bdf", drawn(plain, SaveAll=1), 2, arguments={"faces": SELECT["faces"]}),
     "mesh": Kind("part.mesh", lambda path: by_meshio(path, "medit:ref"), 2, NUMBERED, HALVES),

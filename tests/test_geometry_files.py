@@ -178,7 +178,13 @@ def test_facets_that_fit_no_cell(tmp_path: Path) -> None:
         ("folder.msh", "folder", "expected a readable .msh file, got: Is a directory"),
         ("missing.vtk", None, "expected a readable .vtk file, got: No such file"),
         ("part.txt", "", r"expected a mesh \(.msh, .unv, .vtk, .*\) or a body \(.step, .*\)"),
-        ("part.stl", "solid", "expected h, the size of the cells"),
+        ("part.stl", "solid", "expected closed shells|gmsh stopped with"),
+        ("garbage.step", "nonsense", "expected a complete .step file; gmsh stopped with"),
+        ("empty.geo", "Point(1) = {0, 0, 0};", "expected a volume, or a flat surface, to mesh; got neither"),
+        ("garbage.geo", "Nonsense(", "expected a complete .geo file; gmsh stopped with"),
+        ("script.geo", 'SystemCall "touch ran";', "expected a .geo that draws a body and no more; got SystemCall"),
+        ("other.geo", 'Merge "script.geo";', "got Merge; .* mesh it: gmsh -3 other.geo"),
+        ("print.geo", 'Printf("x") > "ran";', "got Printf"),
         ("garbage.vtk", "nonsense", "expected a complete .vtk file; VTK "),
         ("garbage.vtu", "nonsense", "expected a complete .vtu file; VTK "),
         ("garbage.med", "nonsense", "expected a complete .med file; meshio stopped with"),
@@ -213,6 +219,7 @@ def test_unreadable_file(
     COMM.barrier()
     monkeypatch.chdir(path.parent)
     with pytest.raises(GeometryError, match=message) as raised:
-        build(COMM, "file", path=path)
+        build(COMM, "file", path=path, h=1.0)
     assert str(raised.value).startswith(f"{path}: ")
+    assert "\n" not in str(raised.value)
     assert not Path("ran").exists()

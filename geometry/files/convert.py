@@ -68,11 +68,18 @@ def _read(path: Path) -> Any:
             if path.suffix.lower() in NASTRAN and b"BEGIN BULK" not in (data := path.read_bytes()):
                 file = Path(folder) / f"mesh{path.suffix}"
                 file.write_bytes(b"BEGIN BULK\n" + data)
-            return meshio.read(file)
+            mesh = meshio.read(file)
     except (Exception, SystemExit) as error:
         reason = " ".join((str(error) if isinstance(error, Exception) else said.getvalue()).split())
         reason = reason or type(error).__name__
         raise GeometryError(f"{path}: expected a complete {path.suffix} file; meshio stopped with: {reason}") from error
+    # Groups of nodes in files of Salome: families by number, each with its groups.
+    families = mesh.point_data.get("point_tags", np.empty(0))
+    for number, names in getattr(mesh, "point_tags", {}).items():
+        for name in names:
+            before = mesh.point_sets.get(name, [])
+            mesh.point_sets[name] = np.concatenate([before, np.flatnonzero(families == number)])
+    return mesh
 
 
 def _sets(mesh: Any, starts: Index) -> dict[Label, Index]:

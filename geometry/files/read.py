@@ -23,7 +23,7 @@ MESHES: dict[str, Callable[[Any, Path], list[Group]]] = {
     **dict.fromkeys((".vtk", ".vtu", ".inp", ".med", ".bdf", ".nas", ".fem", ".xdmf", ".mesh"), read_converted),
 }
 BODIES: dict[str, Callable[[Any, Path, float], list[Group]]] = {
-    **dict.fromkeys((".step", ".stp", ".brep", ".geo"), read_cad),
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep", ".geo"), read_cad),
     ".stl": read_stl,
 }
 

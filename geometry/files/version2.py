@@ -60,7 +60,8 @@ def _of_words(model: Any, data: bytes, body: bytes, left: int) -> tuple[Index, I
     # The number one, in the file's order of bytes, follows the line with the version.
     one = data.partition(b"$MeshFormat")[2].split(b"\n", 2)[2][:4]
     words = np.frombuffer(body, "<i4" if one[0] == 1 else ">i4", len(body) // 4)
-    found, at = [np.empty((0, 2), dtype=np.int64)], 0
+    found: list[Index] = [np.empty((0, 2), dtype=np.int64)]
+    at = 0
     while left > 0:
         kind, many, extra = (int(word) for word in words[at : at + 3])
         width = 1 + extra + model.mesh.getElementProperties(kind)[3]
