@@ -146,6 +146,13 @@ def plain(gmsh: Any) -> None:
     gmsh.model.removePhysicalGroups()
 
 
+def parted(gmsh: Any) -> None:
+    """The same in three parts, as for another program's ranks."""
+    layers(gmsh)
+    gmsh.option.setNumber("Mesh.PartitionCreateTopology", 1)
+    gmsh.model.mesh.partition(3)
+
+
 def rod(gmsh: Any, order: int, hexahedra: bool = False) -> None:
     """A quarter of a rod of unit radius and height about z, whose side is curved; a few cells."""
     geo, model = gmsh.model.geo, gmsh.model
@@ -354,6 +361,8 @@ KINDS: dict[str, Kind] = {
         )
         for version, binary in ((2.2, 0), (2.2, 1), (4.0, 0), (4.1, 0), (4.1, 1))
     },
+    "parted": Kind("part.msh", drawn(parted), **LAYERS),
+    "parted, 2.2": Kind("part.msh", drawn(parted, MshFileVersion=2.2), **LAYERS),
     "overlapping groups, hexahedra": Kind("part.msh", drawn(layers, True, True, True), **LAYERS),
     "overlapping groups, second order": Kind("part.msh", drawn(layers, True, True, False, 2), **LAYERS),
     "groups without names": Kind(

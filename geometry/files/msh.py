@@ -36,7 +36,7 @@ def read_msh(model: Any, path: Path) -> list[Group]:
     merge(path, ".msh")
     version = start.partition(b"$MeshFormat")[2].split(None, 1)[:1]
     old = bool(version) and version[0].startswith(b"2")
-    return (regrouped(model, path.read_bytes()) if old else None) or groups_of(model)
+    return (regrouped(model, path) if old else None) or groups_of(model)
 
 
 def _check_names(path: Path, start: bytes) -> None:

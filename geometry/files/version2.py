@@ -6,30 +6,39 @@ everywhere.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elastune.geometry.arrays.content import Group
+from elastune.geometry.errors import GeometryError
 from elastune.geometry.files.parting import Elements, Label
 
 Index = NDArray[np.int64]
 
 
-def regrouped(model: Any, data: bytes) -> list[Group] | None:
+def regrouped(model: Any, path: Path) -> list[Group] | None:
     """Part the entities of a model by the physical groups of their elements.
 
     Args:
         model: What gmsh made of the file.
-        data: The file, of version 2.
+        path: The file, of version 2.
 
     Returns:
         The groups; None where gmsh has them right.
+
+    Raises:
+        GeometryError: Two elements have one number.
     """
-    numbers, physical = _physical(model, data)
+    numbers, physical = _physical(model, path.read_bytes())
     elements = Elements(model)
-    own = physical[np.searchsorted(numbers, elements.numbers)]
+    if (np.diff(numbers) == 0).any() or not np.isin(numbers, elements.numbers).all():
+        raise GeometryError(f"{path}: expected each element to have a number of its own")
+    # gmsh adds elements between the parts of a mesh that is parted.
+    places = np.minimum(np.searchsorted(numbers, elements.numbers), len(numbers) - 1)
+    own = np.where(numbers[places] == elements.numbers, physical[places], 0)
     found = np.unique(np.stack([elements.dims, elements.entities, own], axis=1), axis=0)
     if len(found) == len(np.unique(found[:, :2], axis=0)):
         return None
