@@ -69,6 +69,10 @@ class Geometry:
         """
         return _find("face", name, self.faces, self.facet_tags)
 
+    def inside(self, name: str) -> bool:
+        """Whether some facet of a face has cells on both sides; collective."""
+        return any(self.mesh.comm.allgather(len(self.interior(name)) > 0))
+
     def cells(self, name: str) -> Indices:
         """Cells of a region on this rank, see `facets`."""
         return _find("region", name, self.regions, self.cell_tags)
@@ -90,10 +94,6 @@ class Geometry:
         """Facets of a face that have cells on both sides, on this rank, owned and ghost; collective."""
         facets = self.facets(name)
         return facets[~skin(self.mesh)[facets]]
-
-    def inside(self, name: str) -> bool:
-        """Whether some facet of a face has cells on both sides; collective."""
-        return any(self.mesh.comm.allgather(len(self.interior(name)) > 0))
 
     def volume(self) -> float:
         """Volume of the mesh (area in 2D), integrated over its curved cells; collective."""

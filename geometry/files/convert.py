@@ -22,7 +22,8 @@ from elastune.geometry.files.vtk import read_vtk
 NUMBERS = ("gmsh:physical", "medit:ref", "nastran:ref", "cell_tags", "CellEntityIds", "avsucd:material", "tetgen:ref")
 # Of these zero stands for no group.
 ZERO_IS_NONE = ("gmsh:physical", "gmsh:geometrical", "medit:ref", "cell_tags")
-
+# More numbers than these are those of cells.
+MOST = 1000
 # Bulk data, which meshio wants to be told.
 NASTRAN = (".bdf", ".nas", ".fem")
 
@@ -115,6 +116,10 @@ def _numbers(mesh: Any) -> dict[str, list[Index]]:
         if all(np.asarray(block).ndim == 1 and np.asarray(block).dtype.kind in "iu" for block in blocks)
     }
     known = [key for key in NUMBERS if key in whole][:1]
-    others = [key for key in whole if key != "gmsh:geometrical"]
+    others = [
+        key
+        for key, blocks in whole.items()
+        if key != "gmsh:geometrical" and not key.startswith("vtk") and len(np.unique(np.concatenate(blocks))) < MOST
+    ]
     chosen = known or (others if len(others) == 1 else [])
     return {key: whole[key] for key in [*chosen, *(["gmsh:geometrical"] if "gmsh:geometrical" in whole else [])]}
