@@ -1,4 +1,4 @@
-"""Meshes with named faces: gmsh's cube, box, cylinder, square and rectangle, and the user's own `.msh`.
+"""Meshes with named faces: gmsh's cube, box, cylinder, square and rectangle, and the user's own files and selectors.
 
     from elastune.geometry import build
     g = build(comm, shape="cylinder", size=[0.5, 2.0], cells=16, order=2)

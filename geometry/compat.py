@@ -1,32 +1,39 @@
-"""The calls that differ between dolfinx releases."""
+"""The calls that differ between dolfinx releases, and those to its C++ layer that have no other name."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.util import find_spec
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dolfinx.mesh import Mesh, MeshTags
+    import numpy as np
+    from dolfinx.mesh import Mesh
     from mpi4py import MPI
+    from numpy.typing import NDArray
 
 
-def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Mesh, MeshTags, MeshTags]:
-    """Distribute a gmsh model that lives on rank 0; collective.
+def create_mesh(comm: MPI.Comm, cells: NDArray[np.int64], points: NDArray[np.float64], element: Any) -> Mesh:
+    """Distribute a mesh; collective.
 
-    `dolfinx.io.gmshio` (0.9) returns the triple, `dolfinx.io.gmsh` (from 0.10 on) a `MeshData`.
+    dolfinx takes the element after the points (0.9), or before them (from 0.10 on).
 
     Args:
-        model: `gmsh.model` on rank 0, None elsewhere.
         comm: Communicator of the mesh.
-        gdim: Number of coordinates of a node, 2 or 3.
-
-    Returns:
-        Mesh, cell tags and facet tags.
+        cells: Nodes of this rank's cells in dolfinx's order, numbered over all ranks, shape (m, k).
+        points: Places of this rank's nodes, shape (n, d).
+        element: basix.ufl's element of the geometry.
     """
-    if find_spec("dolfinx.io.gmsh") is None:
-        triple: tuple[Mesh, MeshTags, MeshTags]
-        triple = import_module("dolfinx.io.gmshio").model_to_mesh(model, comm, 0, gdim=gdim)
-        return triple
-    data = import_module("dolfinx.io.gmsh").model_to_mesh(model, comm, 0, gdim=gdim)
-    return data.mesh, data.cell_tags, data.facet_tags
+    from dolfinx import mesh
+
+    places = {"x": points, "e": element}
+    given = [places[name] for name in signature(mesh.create_mesh).parameters if name in places]
+    made: Mesh = mesh.create_mesh(comm, cells, *given)
+    return made
+
+
+def gmsh_order(cell: str, nodes: int) -> list[int]:
+    """Places in gmsh's order of a cell's nodes in dolfinx's."""
+    from dolfinx import cpp
+
+    order: list[int] = cpp.io.perm_gmsh(cpp.mesh.to_type(cell), nodes)
+    return order

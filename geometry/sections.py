@@ -41,7 +41,7 @@ def make_model(model: Any, plan: Plan) -> None:
         faces, cells = _extrude(model.geo, plan, cells, recombine)
     model.geo.synchronize()
     for tag, name in enumerate(plan.shape.faces, start=1):
-        model.addPhysicalGroup(dim - 1, faces[name], tag)
+        model.addPhysicalGroup(dim - 1, faces[name], tag, name)
     model.addPhysicalGroup(dim, cells, 1)
     model.mesh.generate(dim)
     if plan.order > 1:

@@ -14,36 +14,35 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def on_root(comm: MPI.Comm, task: Callable[[], T]) -> T:
-    """Run a task on rank 0 and share what came of it; collective.
+def on_root(comm: MPI.Comm, task: Callable[[], T]) -> T | None:
+    """Run a task on rank 0, whose failure is everybody's; collective.
 
     Args:
         comm: Communicator of all who call.
-        task: Called on rank 0 only; returns something small that pickles.
+        task: Called on rank 0 only.
 
     Returns:
-        The task's result, on every rank.
+        The task's result on rank 0, None elsewhere.
 
     Raises:
         GeometryError: On every rank, whatever the task raised on rank 0: ranks that waited for a mesh
             would wait for ever otherwise.
     """
-    outcome: tuple[str | None, Any] = (None, None)
+    failure: str | None = None
     cause: Exception | None = None
+    result: T | None = None
     if comm.rank == 0:
         try:
-            outcome = (None, task())
+            result = task()
         except GeometryError as error:
-            outcome, cause = (str(error), None), error
+            failure, cause = str(error), error
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__
-            outcome = (f"gmsh: expected a mesh, got the error: {text}", None)
-            cause = error
-    failure, result = comm.bcast(outcome, root=0)
+            failure, cause = f"gmsh: expected a mesh, got the error: {text}", error
+    failure = comm.bcast(failure, root=0)
     if failure is not None:
         raise GeometryError(failure) from cause
-    value: T = result
-    return value
+    return result
 
 
 @contextmanager

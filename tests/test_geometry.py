@@ -288,7 +288,7 @@ def test_faces_by_name() -> None:
         ({"shape": "cylinder", "size": [1, 1], "grade": {"side": 0.5}, "cells": 6}, "at least 7 cells"),
         ({"path": "part.msh"}, "path = 'part.msh': expected shape = \"file\""),
         ({"refine": 1}, 'refine = 1: expected shape = "file"'),
-        ({"shape": "file"}, "path: expected the path of a .msh file"),
+        ({"shape": "file"}, "path: expected the path of a mesh file"),
         ({"shape": "file", "path": "a.msh", "grade": {"left": 0.5}}, "grade = .*: expected none"),
         ({"shape": "file", "path": "a.msh", "order": 0}, "order = 0"),
     ],

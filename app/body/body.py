@@ -14,7 +14,6 @@ from elastune.app.body.assembly import Assembly
 from elastune.app.body.conditions import rigid
 from elastune.app.body.conditions.constraints import Constraints
 from elastune.app.body.conditions.load import Setting
-from elastune.app.body.conditions.loads import Spring
 from elastune.app.body.conditions.motions import Condition
 from elastune.app.body.conditions.places import Place
 from elastune.app.body.conditions.stages import Given, staged
@@ -113,11 +112,7 @@ class Body:
         check(self.stages, geometry)
         self.layout = Layout(self.u, self.p)
         self.constraints = Constraints(geometry, self.V, self.stages)
-        pieces = rigid.pieces(self.V, self._holding())
-        complaint = rigid.complaint(pieces, self.dimension)
-        if complaint is not None and not free:
-            raise UserError(f"boundary: {complaint}")
-        rigid.hold(self.constraints, self.V, pieces)
+        pieces, complaint = rigid.keep(self.constraints, geometry, self.V, self.stages[0], free)
         self.held = self.layout.joined(self.constraints.held)
 
         fields = Fields(self.u, self.p)
@@ -141,15 +136,6 @@ class Body:
 
     def _pressures(self, fields: Fields, domain: Domain) -> list[PressureField]:
         return [] if self.split is None else [PressureField(self.split, fields, domain)]
-
-    def _holding(self) -> Array:
-        """How strongly each displacement is held, owned and ghost: by springs too."""
-        holding = self.constraints.held.astype(float).reshape(-1, self.dimension)
-        for place, conditions in self.stages[0].items():
-            for spring in (condition for condition in conditions if isinstance(condition, Spring)):
-                nodes = place.nodes(self.geometry, self.V)
-                holding[nodes] += np.array(spring.stiffness) > 0
-        return holding.ravel()
 
     def _refuse_pushed(self, pieces: Sequence[rigid.Piece], complaint: str) -> None:
         """Refuses loads on a body that nothing holds against them."""

@@ -8,6 +8,7 @@ from elastune.app.scene.check_conditions import check_conditions
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments, unmixed_keys
 from elastune.forms.elements import ELEMENTS
 from elastune.geometry import GeometryError
+from elastune.geometry.select.asked import selectors
 from elastune.geometry.shapes import make_plan
 
 
@@ -18,14 +19,7 @@ def check(scene: Scene) -> None:
         SceneError: One line with key and what was expected.
     """
     mesh, element = scene.mesh, ELEMENTS[scene.element]
-    if mesh.shape == "file" and mesh.path is None:
-        raise SceneError('mesh.path: missing; shape = "file" needs the path of a .msh file')
-    if mesh.shape != "file" and mesh.path is not None:
-        raise SceneError(f'mesh.path = {mesh.path!r}: expected shape = "file" with it, got shape = "{mesh.shape}"')
-    if mesh.shape != "file" and mesh.refine:
-        raise SceneError(f'mesh.refine = {mesh.refine}: expected shape = "file" with it; use cells')
-    if mesh.shape == "file" and not Path(mesh.path or "").is_file():
-        raise SceneError(f"mesh.path = {mesh.path!r}: no such file")
+    _check_mesh(scene)
     if mesh.shape != "file" and scene.cell not in element.cells:
         raise SceneError(
             f'solve.element = "{scene.element}": lives on {" or ".join(element.cells)}, got mesh.cell = "{scene.cell}"'
@@ -40,14 +34,27 @@ def check(scene: Scene) -> None:
         raise SceneError(f"material.extension: {energy.name} has no singularity to continue")
     if scene.material.extension is not None and scene.solve.assembly == "ufl":
         raise SceneError('material.extension: expected solve.assembly = "auto" or "spectral" with it, got "ufl"')
-    if mesh.shape != "file":
-        try:
-            arguments = mesh_arguments(scene)
+
+
+def _check_mesh(scene: Scene) -> None:
+    mesh, arguments = scene.mesh, mesh_arguments(scene)
+    if mesh.shape == "file" and mesh.path is None:
+        raise SceneError('mesh.path: missing; shape = "file" needs the path of a mesh file')
+    if mesh.shape != "file" and mesh.path is not None:
+        raise SceneError(f'mesh.path = {mesh.path!r}: expected shape = "file" with it, got shape = "{mesh.shape}"')
+    if mesh.shape != "file" and mesh.refine:
+        raise SceneError(f'mesh.refine = {mesh.refine}: expected shape = "file" with it; use cells')
+    if mesh.shape == "file" and not Path(mesh.path or "").is_file():
+        raise SceneError(f"mesh.path = {mesh.path!r}: no such file")
+    try:
+        for table in ("faces", "regions"):
+            selectors(table, arguments.pop(table), mesh.dimension)
+        if mesh.shape != "file":
             arguments.pop("path")
             arguments.pop("refine")
             make_plan(**arguments)
-        except GeometryError as error:
-            raise SceneError(f"mesh: {error}") from None
+    except GeometryError as error:
+        raise SceneError(f"mesh.{error}" if str(error).startswith(("faces", "regions")) else f"mesh: {error}") from None
 
 
 def _check_start(scene: Scene, energy: Any) -> None:

@@ -32,7 +32,7 @@ def check_conditions(scene: Scene) -> None:
 
 
 def _check_names(scene: Scene, ends: list[End]) -> None:
-    known = (*face_names(scene.mesh.shape), *getattr(scene.mesh, "faces", ())) if scene.mesh.dimension else None
+    known = (*face_names(scene.mesh.shape), *scene.mesh.faces) if scene.mesh.dimension else None
     seen: dict[str, str] = {}
     for end in ends:
         for group, name in end.places:

@@ -11,6 +11,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from elastune.app.body.conditions.constraints import Constraints
+from elastune.app.body.conditions.loads import Spring
+from elastune.app.body.conditions.stages import Stage
+from elastune.app.errors import UserError
+from elastune.geometry import Geometry
 
 Array = NDArray[np.float64]
 
@@ -160,6 +164,29 @@ def pushed(V: fem.FunctionSpace, found: Sequence[Piece], forces: Array) -> bool:
         if (np.abs(total[0]) > 1e-8 * total[1].max(initial=0.0)).any():
             return True
     return False
+
+
+def keep(
+    constraints: Constraints, geometry: Geometry, V: fem.FunctionSpace, stage: Stage, free: bool
+) -> tuple[list[Piece], str | None]:
+    """Counts what holds a body, springs too, and supports what is left free if it may be; collective.
+
+    Returns:
+        The pieces as they were without supports, and what nothing holds, in a line, or None.
+
+    Raises:
+        UserError: If something is free that may not be.
+    """
+    holding = constraints.held.astype(float).reshape(-1, V.dofmap.index_map_bs)
+    for place, conditions in stage.items():
+        for spring in (condition for condition in conditions if isinstance(condition, Spring)):
+            holding[place.nodes(geometry, V)] += np.array(spring.stiffness) > 0
+    found = pieces(V, holding.ravel())
+    said = complaint(found, V.dofmap.index_map_bs)
+    if said is not None and not free:
+        raise UserError(f"boundary: {said}")
+    hold(constraints, V, found)
+    return found, said
 
 
 def hold(constraints: Constraints, V: fem.FunctionSpace, found: Sequence[Piece]) -> None:

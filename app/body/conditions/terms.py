@@ -54,7 +54,7 @@ def check(stages: Sequence[Stage], geometry: Geometry) -> None:
             for condition in conditions:
                 for name in ("vector", "stiffness"):
                     vector = getattr(condition, name, None)
-                    if vector is not None and len(vector) != d:
+                    if isinstance(vector, Sequence) and len(vector) != d:
                         key = _KEYS.get(type(condition).__name__, name)
                         raise UserError(f"{place.key}.{key} = {_shown(vector)}: expected {d} components")
                 if isinstance(condition, Load) and condition.one_sided and isinstance(place, Face):

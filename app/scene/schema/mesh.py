@@ -1,15 +1,61 @@
 """The body: its mesh."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from elastune.app.scene.complaints import Table
-from elastune.app.scene.schema.types import Count, PositiveFloat
+from elastune.app.scene.schema.types import Count, Finite, PositiveFloat, Vector
+
+
+class Plane(Table):
+    """A plane of any direction."""
+
+    normal: Vector = Field(description="direction across the plane, of any length (–)")
+    point: Vector = Field(description="a point in the plane (length)")
+
+
+class Sphere(Table):
+    """A sphere, in 2D a disc."""
+
+    center: Vector = Field(description="its center (length)")
+    radius: PositiveFloat = Field(description="its radius (length)")
+
+
+class Cylinder(Table):
+    """A cylinder without ends."""
+
+    axis: Literal["x", "y", "z"] | Vector = Field(description="direction of the axis (–)")
+    center: Vector = Field(description="a point on the axis (length)")
+    radius: PositiveFloat = Field(description="its radius (length)")
+
+
+class Solid(Table):
+    """What selects a part of a mesh; exactly one, beside `tolerance`."""
+
+    tag: Count | None = Field(default=None, description="number of a physical group, or else of a geometric entity (–)")
+    box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="within a box: its lower and its upper corner (length)"
+    )
+    sphere: Sphere | None = Field(default=None, description="within a sphere: center, radius (length)")
+    cylinder: Cylinder | None = Field(default=None, description="within a cylinder: axis, center, radius (length)")
+    all: Literal[True] | None = Field(default=None, description="the whole skin; the whole body for regions (–)")
+    tolerance: Annotated[float, Field(ge=0, lt=1)] | None = Field(
+        default=None, description="how far outside still counts, over the body's largest extent; 1e-6 (–)"
+    )
+
+
+class Face(Solid):
+    """A selector of facets."""
+
+    plane: Literal["x", "y", "z"] | Plane | None = Field(
+        default=None, description="in a plane: the axis across it with `at`, or normal and point; inner facets too (–)"
+    )
+    at: Finite | None = Field(default=None, description="place of the plane along its axis (length)")
 
 
 class Mesh(Table):
-    """The body: a shape made by gmsh, or a `.msh` file whose physical groups name the faces."""
+    """The body: a shape made by gmsh, or a file with a mesh, whose groups name faces and regions, or with a body."""
 
     shape: Literal["cube", "box", "cylinder", "square", "rectangle", "file"] = "cube"
     size: PositiveFloat | list[PositiveFloat] = 1.0
@@ -20,6 +66,15 @@ class Mesh(Table):
     grade: dict[str, PositiveFloat] | None = None
     path: str | None = None
     refine: Annotated[int, Field(ge=0, le=10)] = 0
+    faces: dict[str, Face] = Field(default={}, description="further faces, a selector by name (–)")
+    regions: dict[str, Solid] = Field(default={}, description="further regions, a selector by name (–)")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_path_is_of_a_file(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "path" in given:
+            return {"shape": "file", **given}
+        return given
 
     @property
     def dimension(self) -> int | None:
