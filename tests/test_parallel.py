@@ -36,7 +36,10 @@ RUNS: dict[str, tuple[str, list[str]]] = {
     "mixed, direct": ("cube-pull", [*SMALL, "material.nu=0.5", "solve.element=Q2-P1d"]),
     "column, multigrid": ("squeeze", [*COLUMN, "solve.element=Q2", "solve.linear=iterative"]),
     "column, fieldsplit": ("squeeze", [*COLUMN, "solve.element=Q2-P1d", "solve.linear=iterative"]),
-    "scramble": ("scramble", ["mesh.cells=4", "boundary.left={fix=true}", "boundary.right={move=[-0.2,0.0,0.0]}"]),
+    "scramble": (
+        "scramble",
+        ["mesh.cells=4", "boundary.left={fix=true}", "boundary.right={move=[-0.2,0.0,0.0]}", "start.pins=[]"],
+    ),
     "pressure": ("cube-pull", [*SMALL, "boundary.right={pressure=0.3}"]),
     "one cell": ("cube-pull", ["mesh.cells=1", "solve.steps=1", "solve.element=Q1"]),
 }

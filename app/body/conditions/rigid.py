@@ -93,7 +93,7 @@ def _labels(V: fem.FunctionSpace) -> tuple[NDArray[np.int64], int]:
     first = comm.exscan(count) or 0
     total = comm.allreduce(count)
     number = fem.Function(V)
-    values = number.x.array.reshape(n, -1)
+    values = number.x.array.reshape(n, V.dofmap.index_map_bs)
     values[:] = (own + first)[:, None]
     number.x.scatter_forward()
     pairs = np.unique(np.stack([own + first, values[:, 0].astype(np.int64)], axis=1), axis=0)
