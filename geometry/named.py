@@ -53,6 +53,12 @@ class Geometry:
             raise GeometryError(f"face {name!r}: expected one of {', '.join(self.faces)}")
         return self.facet_tags.find(self.faces[name])
 
+    def cells(self, name: str) -> NDArray[np.int32]:
+        """Cells of a region on this rank, owned and ghost, see `facets`."""
+        if name not in self.regions or self.cell_tags is None:
+            raise GeometryError(f"region {name!r}: expected one of {', '.join(self.regions) or 'none'}")
+        return self.cell_tags.find(self.regions[name])
+
     def volume(self) -> float:
         """Volume of the mesh (area in 2D), integrated over its curved cells; collective."""
         import ufl

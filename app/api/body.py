@@ -1,11 +1,13 @@
 """Bodies in Python: any mesh with named faces, a material, and what happens to the faces."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from elastune.app.api.material import Material
 from elastune.app.body.body import Body
 from elastune.app.body.loads import BodyForce
 from elastune.app.body.motions import Condition, Motion
+from elastune.app.body.regions.solids import Solid, Solids
 from elastune.app.errors import UserError
 from elastune.forms.elements import ELEMENTS, MIXED_FROM, choose
 from elastune.forms.energy import MaterialError
@@ -15,7 +17,7 @@ from elastune.geometry import Geometry
 
 def body(
     geometry: Geometry,
-    material: Material,
+    material: Material | Mapping[Any, Material],
     conditions: Mapping[str, Condition],
     *,
     element: str = "auto",
@@ -25,8 +27,9 @@ def body(
 
     Args:
         geometry: Mesh and named faces: of `elastune.geometry.build(comm, ...)`, or around any dolfinx mesh,
-            `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`.
-        material: Its energy.
+            `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`; with regions,
+            `elastune.Geometry(mesh, facet_tags, faces, cell_tags, {"soft": 1, "hard": 2})`.
+        material: Its energy; or that of each region by name, and by None that of all other cells.
         conditions: What happens to the faces, by name; faces without are free.
         element: Name of an element that lives on the mesh's cells; chosen by material and mesh unless given.
         force: Load on the volume.
@@ -41,12 +44,16 @@ def body(
         raise UserError(f"mesh: expected one of 2 or 3 dimensions, got {mesh.topology.dim} in {mesh.geometry.dim}")
     if geometry.facet_tags.dim != faces:
         raise UserError(f"facet_tags: expected tags of facets, of dimension {faces}, got {geometry.facet_tags.dim}")
-    name = _chosen(material, cell, geometry.cells_count) if element == "auto" else element
+    materials: dict[Any, Material] = {None: material} if isinstance(material, Material) else dict(material)
+    if not materials:
+        raise UserError("material: expected one, or one a region, got none")
+    name = _chosen(materials.values(), cell, geometry.cells_count) if element == "auto" else element
     if name not in ELEMENTS or cell not in ELEMENTS[name].cells:
         fitting = [key for key, kind in ELEMENTS.items() if cell in kind.cells]
         raise UserError(f'element = "{name}": expected one of {", ".join(fitting)} on {cell} cells')
-    if material.energy.incompressible and ELEMENTS[name].pressure is None:
-        raise MaterialError(f"{material.energy.name}: nu = 0.5 needs a mixed element, got {name}")
+    for each in materials.values():
+        if each.energy.incompressible and ELEMENTS[name].pressure is None:
+            raise MaterialError(f"{each.energy.name}: nu = 0.5 needs a mixed element, got {name}")
     if not any(isinstance(condition, Motion) for condition in conditions.values()):
         raise UserError(
             "conditions: nothing holds the body; expected Clamp, Translation, Rotation or Roller on some face"
@@ -56,14 +63,16 @@ def body(
             raise UserError(f"faces: {face!r}: no facet has its tag, {geometry.faces[face]}")
     # A mesh that another program made may know its facets only.
     mesh.topology.create_connectivity(faces, faces + 1)
-    return Body(geometry, material.energy, name, conditions, force)
+    solids: Solids = {region: Solid(each.energy) for region, each in materials.items()}
+    return Body(geometry, solids, name, conditions, force)
 
 
-def _chosen(material: Material, cell: str, cells: int) -> str:
+def _chosen(materials: Collection[Material], cell: str, cells: int) -> str:
     """The element that reaches a given error in the least time; a mixed one only where it can be."""
-    mixed = material.nu >= MIXED_FROM
+    mixed = any(material.nu >= MIXED_FROM for material in materials)
     try:
-        split(material.energy)
+        for material in materials:
+            split(material.energy)
     except MaterialError:
         mixed = False
     return choose(cell, mixed, cells).element

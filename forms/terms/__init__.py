@@ -3,7 +3,8 @@
 from elastune.forms.terms.dead_loads import DeadLoads
 from elastune.forms.terms.domain import Domain, face_degree
 from elastune.forms.terms.follower import FollowerPressure
-from elastune.forms.terms.pressure_field import PressureField, mixed_response
+from elastune.forms.terms.pattern import pattern
+from elastune.forms.terms.pressure_field import PressureField, Share, mixed_response
 from elastune.forms.terms.strain import StrainEnergy
 from elastune.forms.terms.term import RAW, Convexity, Fields, Term
 
@@ -15,8 +16,10 @@ __all__ = [
     "Fields",
     "FollowerPressure",
     "PressureField",
+    "Share",
     "StrainEnergy",
     "Term",
     "face_degree",
     "mixed_response",
+    "pattern",
 ]

@@ -1,7 +1,24 @@
 """The tables of a scene file, one module a kind."""
 
 from elastune.app.scene.schema.conditions import Condition
-from elastune.app.scene.schema.material import Material
-from elastune.app.scene.schema.scene import Scene, material_energy, mesh_arguments, unmixed_keys
+from elastune.app.scene.schema.material import Material, energy_of
+from elastune.app.scene.schema.scene import (
+    Scene,
+    material_energies,
+    material_energy,
+    material_key,
+    mesh_arguments,
+    unmixed_keys,
+)
 
-__all__ = ["Condition", "Material", "Scene", "material_energy", "mesh_arguments", "unmixed_keys"]
+__all__ = [
+    "Condition",
+    "Material",
+    "Scene",
+    "energy_of",
+    "material_energies",
+    "material_energy",
+    "material_key",
+    "mesh_arguments",
+    "unmixed_keys",
+]
