@@ -3,6 +3,7 @@
 from petsc4py import PETSc
 
 from elastune.app.body.regions.parts import Part
+from elastune.app.solvers.linear.multigrid import set_gamg
 from elastune.app.solvers.linear.solver import LinearSolver
 
 # Iterations; 30 to 60 are usual, and a tangent that takes more is likely not to be one of descent.
@@ -46,7 +47,7 @@ class FieldSplit(LinearSolver):
         pc.setUp()
         displacements, pressures = pc.getFieldSplitSchurGetSubKSP()
         displacements.setType("preonly")
-        displacements.getPC().setType("gamg")
+        set_gamg(displacements)
         pressures.setType("preonly")
         for ksp in (displacements, pressures, self.ksp):
             ksp.setFromOptions()
