@@ -15,7 +15,7 @@ from elastune.app.body.loads import BodyForce, Setting, check, load_terms
 from elastune.app.body.motions import Condition, Motion
 from elastune.app.body.regions.parts import Parts
 from elastune.app.body.regions.pressures import Pressures
-from elastune.app.body.regions.solids import Solid, Solids
+from elastune.app.body.regions.solids import Solid, Solids, filled, numbered
 from elastune.app.body.unknowns import Layout, State
 from elastune.app.body.volume import Volume
 from elastune.forms.elements import ELEMENTS
@@ -88,8 +88,10 @@ class Body:
         self.V = displacement_space(mesh, kind)
         self.u = fem.Function(self.V, name="displacement")
         self.p: fem.Function | None = None
+        cells = filled(geometry, self.solids)
         if kind.pressure is not None:
-            self.p = fem.Function(pressure_space(mesh, kind.pressure), name="pressure")
+            groups = numbered(geometry, cells.values())
+            self.p = fem.Function(pressure_space(mesh, kind.pressure, groups), name="pressure")
         check(self.conditions, force, geometry.faces, self.dimension)
         self.layout = Layout(self.u, self.p)
         motions = {face: c for face, c in conditions.items() if isinstance(c, Motion)}
@@ -99,7 +101,7 @@ class Body:
         fields = Fields(self.u, self.p)
         geometry_degree = int(mesh.ufl_domain().ufl_coordinate_element().embedded_superdegree)
         domain = Domain(mesh, self.quadrature, face_degree(kind.degree, geometry_degree), geometry.facet_tags)
-        self.parts = Parts.made(geometry, self.solids, fields, domain, assembly)
+        self.parts = Parts.made(cells, self.solids, fields, domain, assembly)
         shares = [Share(part.split, part.cells) for part in self.parts if part.split is not None]
         pressures = PressureField(shares, fields, domain) if shares else None
         self.pressures = Pressures(pressures, self.parts, self.layout)

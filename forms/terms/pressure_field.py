@@ -42,8 +42,7 @@ class PressureField(Term):
     The residual in p is the volume strain that is left, J less the ratio that p asks for; p is positive under
     tension. The tangent's ("p", "p") is not positive, and zero at ν = 0.5.
 
-    Of several energies each has the U* of its cells. Where they meet, discontinuous pressures differ from side to side
-    as they should; continuous ones have one value, and are smeared over a cell.
+    Of several energies each has the U* of its cells.
 
     Attributes:
         mass: ∫w p q dX, a form; w is set by `weigh`.

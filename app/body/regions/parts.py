@@ -1,6 +1,6 @@
 """The parts of a body: cells of one solid, with its moduli at rest and its term of Π."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -8,12 +8,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from elastune.app.body.regions.solids import Cells, Solid, Solids, filled
+from elastune.app.body.regions.solids import Cells, Solid, Solids
 from elastune.forms.energy import Energy
 from elastune.forms.normalize import Linearization, linearize
 from elastune.forms.terms import Domain, Fields, StrainEnergy
 from elastune.forms.volumetric import Split, split
-from elastune.geometry import Geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,34 +70,33 @@ class Parts(tuple[Part, ...]):
     @classmethod
     def made(
         cls,
-        geometry: Geometry,
+        cells: Mapping[str | None, Cells | None],
         solids: Solids,
         fields: Fields,
         domain: Domain,
         assembly: Literal["auto", "ufl", "spectral"],
     ) -> "Parts":
-        """Finds the cells of each solid and compiles its forms; collective.
+        """Compiles the forms of each.
 
         Args:
-            geometry: With the regions.
+            cells: By region, see `filled`.
             solids: By region.
             fields: Displacement, and of a mixed element the pressure.
             domain: What is integrated over.
             assembly: See `StrainEnergy`.
 
         Raises:
-            UserError: If a region does not fit the mesh.
             MaterialError: If a mixed element cannot take an energy.
         """
         parts = []
-        for name, cells in filled(geometry, solids).items():
+        for name, owned in cells.items():
             solid = solids[name]
             own = None if fields.p is None else split(solid.energy)
             energy = solid.energy if own is None else own.shear
             # No two terms have one name.
             label = "strain" if name is None else f"strain of {name}"
-            strain = StrainEnergy(energy, fields, domain, assembly, solid.extension, cells, label)
-            parts.append(Part(name, solid, cells, own, strain))
+            strain = StrainEnergy(energy, fields, domain, assembly, solid.extension, owned, label)
+            parts.append(Part(name, solid, owned, own, strain))
         return cls(parts)
 
     def of(self, cells: Cells) -> Iterator[tuple[Part, Any]]:

@@ -1,9 +1,10 @@
 """Solids by region of the mesh, and the cells that are made of each."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from dolfinx import la
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -81,3 +82,23 @@ def filled(geometry: Geometry, solids: Solids) -> dict[str | None, Cells | None]
         raise UserError(f"material: missing; {counts[None]} cells lie in no region with a material")
     whole = [name for name in found if counts[name] == geometry.cells_count]
     return {whole[0]: None} if whole else {name: own for name, own in found.items() if counts[name]}
+
+
+def numbered(geometry: Geometry, cells: Iterable[Cells | None]) -> Cells | None:
+    """Number, among some sets of cells that together are all, of the set of each cell, owned and ghost; collective.
+
+    Args:
+        geometry: Whose cells.
+        cells: Those that this rank owns, see `filled`.
+
+    Returns:
+        None if there is one set only.
+    """
+    topology = geometry.mesh.topology
+    numbers = la.vector(topology.index_map(topology.dim), dtype=np.int32)
+    for number, own in enumerate(cells):
+        if own is None:
+            return None
+        numbers.array[own] = number
+    numbers.scatter_forward()
+    return numbers.array.copy()

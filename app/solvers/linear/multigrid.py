@@ -9,7 +9,7 @@ from elastune.app.solvers.outcome import LinearFailure
 LONGEST = 2000
 
 # Of 105,000 unknowns of a stretched cylinder, with this threshold a fifth fewer iterations than with PETSc's of zero.
-# Where a stiff part lies in a soft one, without a threshold, aggregates that reach across cost ten times the iterations.
+# Where a stiff part lies in a soft one, aggregates that reach across cost ten times the iterations.
 # The smoothers' eigenvalues have to be estimated anew for each tangent: those of another one may be far too small.
 GAMG = {"pc_gamg_threshold": 0.01}
 
