@@ -14,6 +14,9 @@ from elastune.forms.normalize import Linearization, linearize
 from elastune.forms.terms import Domain, Fields, StrainEnergy
 from elastune.forms.volumetric import Split, split
 
+# Times the softest part's shear modulus.
+STIFF = 100.0
+
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -88,14 +91,19 @@ class Parts(tuple[Part, ...]):
         Raises:
             MaterialError: If a mixed element cannot take an energy.
         """
+        moduli = {name: linearize(solids[name].energy).lame_mu for name in cells}
         parts = []
         for name, owned in cells.items():
             solid = solids[name]
             own = None if fields.p is None else split(solid.energy)
             energy = solid.energy if own is None else own.shear
+            # UFL's forms round relative to the modulus, the kernel relative to the stress: that of a stiff part, hardly
+            # strained, must not drown the forces of a soft one.
+            stiff = moduli[name] > STIFF * min(moduli.values())
+            by: Literal["auto", "ufl", "spectral"] = "spectral" if stiff and assembly == "auto" else assembly
             # No two terms have one name.
             label = "strain" if name is None else f"strain of {name}"
-            strain = StrainEnergy(energy, fields, domain, assembly, solid.extension, owned, label)
+            strain = StrainEnergy(energy, fields, domain, by, solid.extension, owned, label)
             parts.append(Part(name, solid, owned, own, strain))
         return cls(parts)
 
@@ -132,6 +140,6 @@ class Parts(tuple[Part, ...]):
         return min(part.modulus for part in self)
 
     @cached_property
-    def stiffest(self) -> float:
-        """Largest modulus of a part."""
-        return max(part.modulus for part in self)
+    def contrast(self) -> float:
+        """The largest modulus of a part over the least."""
+        return max(part.modulus for part in self) / self.softest

@@ -55,13 +55,16 @@ class Balance:
         self._largest = max(self._largest, self._forces(state))
 
     def _rounding(self, state: State) -> float:
-        """Forces that are rounding. What is stiff by contrast counts by how far it moves: it may hardly be strained."""
-        body, stiffness = self.body, self.body.stiffness
-        if len(body.parts) > 1:
+        """Forces that are rounding: of the softest part, or of the stiffest.
+
+        A stiff one counts by how far it moves, as its displacements are rounded; but in full with pressures, which come
+        from volume ratios near one.
+        """
+        body, factor = self.body, self.body.parts.contrast
+        if factor > 1 and body.p is None:
             own = float(np.abs(body.layout.split(state.values)[0]).max(initial=0.0))
-            moved = min(body.comm.allreduce(own, op=MPI.MAX) / body.extent, 1.0)
-            stiffness *= max(1.0, moved * body.parts.stiffest / body.parts.softest)
-        return float(ROUNDING * stiffness)
+            factor *= min(body.comm.allreduce(own, op=MPI.MAX) / body.extent, 1.0)
+        return float(ROUNDING * body.stiffness * max(1.0, factor))
 
     def _forces(self, state: State) -> float:
         layout = self.body.layout

@@ -126,7 +126,8 @@ class AugmentedLagrangian(Merit):
             return assembly.energy(trial) + weight * body.pressures.work(assembly.strains(trial))
 
         start = assembly.energy(aim) + weight * work
-        rounding = assembly.noise(aim) + 1e-16 * body.stiffness * body.extent
+        # Volume ratios are rounded relative to one, whatever the pressure.
+        rounding = assembly.noise(aim) + 1e-16 * body.stiffness * body.parts.contrast * body.extent
         line = Line(value, start, slope - 2 * weight * work, rounding)
         length = backtrack(line, min(1.0, self._first(step, False)), SHORTEST)
         return None if length is None else State(state.values + length * (motion + pressures), state.load)
