@@ -30,7 +30,7 @@ from elastune.app.results.measures import Measures
 from elastune.app.results.pictures import curve, picture
 from elastune.app.results.record import Failure, Record, Summary
 from elastune.app.results.xdmf import FieldFile, WholeMesh
-from elastune.app.scene import schema as scenes
+from elastune.app.scene.schema.output import Output
 from elastune.forms.materials import make
 from elastune.geometry import build
 
@@ -100,7 +100,7 @@ def _neo_hookean(F: np.ndarray) -> dict[str, Any]:
 
 
 def test_registry_has_what_a_scene_may_ask_for() -> None:
-    annotation = scenes.Output.model_fields["fields"].annotation
+    annotation = Output.model_fields["fields"].annotation
     allowed = typing.get_args(typing.get_args(annotation)[0])
     assert sorted(allowed) == sorted(["displacement", *CELL_FIELDS])
     assert sorted(allowed) == sorted(ALL)
