@@ -102,8 +102,8 @@ def _neo_hookean(F: np.ndarray) -> dict[str, Any]:
 def test_registry_has_what_a_scene_may_ask_for() -> None:
     annotation = Output.model_fields["fields"].annotation
     allowed = typing.get_args(typing.get_args(annotation)[0])
-    assert sorted(allowed) == sorted(["displacement", *CELL_FIELDS])
-    assert sorted(allowed) == sorted(ALL)
+    assert sorted(allowed) == sorted(["displacement", "region", *CELL_FIELDS])
+    assert sorted(allowed) == sorted(["region", *ALL])
 
 
 @pytest.mark.parametrize(("cell", "order", "degree"), CASES)
