@@ -28,6 +28,7 @@ class Part:
         cells: Those that this rank owns, ascending; None for all.
         split: The energy as a mixed element sees it, or None.
         strain: The term of its strain energy.
+        at_rest: Moduli at rest.
     """
 
     name: str | None
@@ -35,6 +36,7 @@ class Part:
     cells: Cells | None
     split: Split | None
     strain: StrainEnergy
+    at_rest: Linearization
 
     @property
     def key(self) -> str:
@@ -50,11 +52,6 @@ class Part:
     def extension(self) -> float | None:
         """Stretch below which it is continued, or None."""
         return self.solid.extension
-
-    @cached_property
-    def at_rest(self) -> Linearization:
-        """Moduli at rest."""
-        return linearize(self.energy)
 
     @property
     def shear_modulus(self) -> float:
@@ -91,7 +88,8 @@ class Parts(tuple[Part, ...]):
         Raises:
             MaterialError: If a mixed element cannot take an energy.
         """
-        moduli = {name: linearize(solids[name].energy).lame_mu for name in cells}
+        at_rest = {name: linearize(solids[name].energy) for name in cells}
+        least = min(rest.lame_mu for rest in at_rest.values())
         parts = []
         for name, owned in cells.items():
             solid = solids[name]
@@ -99,12 +97,12 @@ class Parts(tuple[Part, ...]):
             energy = solid.energy if own is None else own.shear
             # UFL's forms round relative to the modulus, the kernel relative to the stress: that of a stiff part, hardly
             # strained, must not drown the forces of a soft one.
-            stiff = moduli[name] > STIFF * min(moduli.values())
+            stiff = at_rest[name].lame_mu > STIFF * least
             by: Literal["auto", "ufl", "spectral"] = "spectral" if stiff and assembly == "auto" else assembly
             # No two terms have one name.
             label = "strain" if name is None else f"strain of {name}"
             strain = StrainEnergy(energy, fields, domain, by, solid.extension, owned, label)
-            parts.append(Part(name, solid, owned, own, strain))
+            parts.append(Part(name, solid, owned, own, strain, at_rest[name]))
         return cls(parts)
 
     def of(self, cells: Cells) -> Iterator[tuple[Part, Any]]:
