@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
@@ -24,6 +24,7 @@ from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
 from elastune.app.scene.write import text
 from elastune.app.solvers.options import Options
+from elastune.forms.energy import Energy
 from elastune.forms.normalize import linearize
 
 if TYPE_CHECKING:
@@ -112,13 +113,13 @@ class Run:
         """Fields of the last state so far; of a run that was not iterated, those at its end.
 
         Args:
-            names: "displacement", of the mesh's nodes that this rank owns, shape (n, 3), or names of `CELL_FIELDS`,
-                averages over the cells that it owns, shape (cells,), (cells, 3) or (cells, 3, 3).
+            names: "displacement", of the mesh's nodes that this rank owns, shape (n, 3), "region", or names of
+                `CELL_FIELDS`, averages over the cells that it owns, shape (cells,), (cells, 3) or (cells, 3, 3).
 
         Raises:
             UserError: If there is no field of a name.
         """
-        known = ("displacement", *CELL_FIELDS)
+        known = ("displacement", "region", *CELL_FIELDS)
         for name in names:
             if name not in known:
                 raise UserError(f"field {name!r}: expected one of {', '.join(known)}")
@@ -186,29 +187,38 @@ def start(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | No
     body, reason = build.build(scene, comm)
     name = scene.name
     run = Run(body, build.options(scene), build.start(scene), build.steps(scene), name, reason, progress)
-    run.summary.material["name"] = scene.material.name
-    run.summary.material["alpha"] = 1.0 if scene.material.alpha is None else scene.material.alpha
+    for region, given in scene.materials.items():
+        entry = run.summary.material if region is None else run.summary.materials[region]
+        entry |= {"name": given.name, "alpha": 1.0 if given.alpha is None else given.alpha}
     return run
 
 
 def _summary(body: Body, name: str) -> Summary:
-    at_rest = linearize(body.energy)
+    materials = {region: _material(solid.energy) for region, solid in body.solids.items()}
+    first = next(iter(materials))
     return Summary(
         scene=name,
         status="converged",
         failure=None,
-        material={
-            "name": body.energy.name,
-            "parameters": dict(body.energy.values),
-            "E": at_rest.youngs_modulus,
-            "nu": at_rest.poissons_ratio,
-            "alpha": 1.0,
-        },
+        material=materials.get(None, materials[first]),
         element=body.element,
         cells=body.geometry.cells_count,
         dofs=body.size,
         ranks=body.comm.size,
+        materials={region: entry for region, entry in materials.items() if region is not None},
     )
+
+
+def _material(energy: Energy) -> dict[str, Any]:
+    """What a summary says of a material."""
+    at_rest = linearize(energy)
+    return {
+        "name": energy.name,
+        "parameters": dict(energy.values),
+        "E": at_rest.youngs_modulus,
+        "nu": at_rest.poissons_ratio,
+        "alpha": 1.0,
+    }
 
 
 def run(

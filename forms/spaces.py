@@ -7,8 +7,10 @@ import basix.ufl
 import dolfinx
 import numpy as np
 from dolfinx import fem
+from numpy.typing import NDArray
 
 from elastune.forms.elements import Element, Pressure
+from elastune.forms.torn import torn
 
 
 def displacement_space(mesh: dolfinx.mesh.Mesh, element: Element) -> fem.FunctionSpace:
@@ -19,10 +21,20 @@ def displacement_space(mesh: dolfinx.mesh.Mesh, element: Element) -> fem.Functio
     return fem.functionspace(mesh, basix.ufl.element("Lagrange", mesh.basix_cell(), element.degree, shape=shape))
 
 
-def pressure_space(mesh: dolfinx.mesh.Mesh, pressure: Pressure) -> fem.FunctionSpace:
-    """Scalars; on tensor cells the discontinuous ones have total, not coordinate-wise, degree."""
+def pressure_space(
+    mesh: dolfinx.mesh.Mesh, pressure: Pressure, groups: NDArray[np.int32] | None = None
+) -> fem.FunctionSpace:
+    """Scalars; on tensor cells the discontinuous ones have total, not coordinate-wise, degree.
+
+    Args:
+        mesh: The body at rest.
+        pressure: The kind.
+        groups: Number of the material of each cell of this rank, owned and ghost, if there are several: where two meet
+            the pressure jumps, and continuous ones have a value on each side.
+    """
     family = "Lagrange" if pressure.continuous else "DG" if pressure.degree == 0 else "DPC"
-    return fem.functionspace(mesh, basix.ufl.element(family, mesh.basix_cell(), pressure.degree))
+    space = fem.functionspace(mesh, basix.ufl.element(family, mesh.basix_cell(), pressure.degree))
+    return space if groups is None or not pressure.continuous else torn(space, groups)
 
 
 def _with_bubble(cell: Any) -> Any:

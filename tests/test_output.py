@@ -103,8 +103,8 @@ def _neo_hookean(F: np.ndarray) -> dict[str, Any]:
 def test_registry_has_what_a_scene_may_ask_for() -> None:
     annotation = Output.model_fields["fields"].annotation
     allowed = typing.get_args(typing.get_args(annotation)[0])
-    assert sorted(allowed) == sorted(["displacement", *CELL_FIELDS])
-    assert sorted(allowed) == sorted(ALL)
+    assert sorted(allowed) == sorted(["displacement", "region", *CELL_FIELDS])
+    assert sorted(allowed) == sorted(["region", *ALL])
 
 
 @pytest.mark.parametrize(("cell", "order", "degree"), CASES)
@@ -457,7 +457,7 @@ def test_a_run_leaves_summary_history_and_fields(tmp_path: Path) -> None:
     document = json.loads((folder / "summary.json").read_text())
     assert list(document) == [
         "scene", "status", "failure", "material", "element", "cells", "dofs", "ranks",
-        "steps", "wall_s", "peak_memory_mb", "versions",
+        "steps", "wall_s", "peak_memory_mb", "versions", "materials",
     ]  # fmt: skip
     assert {"elastune", "dolfinx", "petsc", "python"} <= set(document["versions"])
     assert all(version[0].isdigit() for version in document["versions"].values())

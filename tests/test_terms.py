@@ -15,6 +15,7 @@ from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
 from elastune.app.body.conditions.motions import Clamp, Condition, Roller, Translation
 from elastune.app.body.conditions.places import Everywhere
+from elastune.app.body.regions.solids import Solid, Solids
 from elastune.app.body.unknowns import State
 from elastune.app.solvers.tangent import Tangent
 from elastune.forms.energy import Energy
@@ -72,7 +73,7 @@ class PointSpring(Term):
         return matrix
 
 
-def solid(element: str = "Q1", conditions: Any = None, material: Energy | None = None, **more: Any) -> Body:
+def solid(element: str = "Q1", conditions: Any = None, material: Energy | Solids | None = None, **more: Any) -> Body:
     cell = "tetrahedron" if element.startswith("P") else "hexahedron"
     return Body(cube(cell), material or energy(), element, HELD if conditions is None else conditions, **more)
 
@@ -86,7 +87,7 @@ CASES: dict[str, tuple[Callable[[], Body], str]] = {
     "kernel": (solid, "strain"),
     "kernel on second-order tetrahedra": (lambda: solid("P2"), "strain"),
     "UFL": (lambda: solid("P1", assembly="ufl"), "strain"),
-    "extended": (lambda: solid(material=energy("hencky"), extension=0.25), "strain"),
+    "extended": (lambda: solid(material={None: Solid(energy("hencky"), 0.25)}), "strain"),
     "stretches": (lambda: solid(material=energy("linear-corotational")), "strain"),
     "plane strain": (plane, "strain"),
     "μ part of a mixed element": (lambda: solid("Q2-P1d", material=energy(nu=0.499)), "strain"),
@@ -245,4 +246,4 @@ def test_linear_terms_are_assembled_once(monkeypatch: pytest.MonkeyPatch) -> Non
             body.assembly.energy(state), body.assembly.residual(state)
     assert sum(form is loads.residual["u"] for form in calls) == 1
     # And what is known of a state is not asked for again.
-    assert sum(form is body.strain.residual["u"] for form in calls) == 4
+    assert sum(form is body.parts[0].strain.residual["u"] for form in calls) == 4

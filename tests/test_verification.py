@@ -162,7 +162,7 @@ def test_patch(element: str) -> None:
     if problem.p is not None:
         assert np.ptp(problem.p.x.array) < 2e-11
     reaction = whole(problem, "right")
-    _, P, _ = response.second(problem.energy, H[None])
+    _, P, _ = response.second(problem.parts[0].energy, H[None])
     assert reaction == pytest.approx(P[0, :, 0], abs=1e-11)
 
 

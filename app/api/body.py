@@ -1,6 +1,7 @@
 """Bodies in Python: any mesh with named faces, a material, and what happens to the faces."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from elastune.app.api.material import Material
 from elastune.app.body.body import Body
@@ -8,6 +9,7 @@ from elastune.app.body.conditions.loads import BodyForce, Spring
 from elastune.app.body.conditions.motions import Motion
 from elastune.app.body.conditions.places import Everywhere, Face
 from elastune.app.body.conditions.stages import Given, staged
+from elastune.app.body.regions.solids import Solid, Solids
 from elastune.app.errors import UserError
 from elastune.forms.elements import ELEMENTS, MIXED_FROM, choose
 from elastune.forms.energy import MaterialError
@@ -17,7 +19,7 @@ from elastune.geometry import Geometry
 
 def body(
     geometry: Geometry,
-    material: Material,
+    material: Material | Mapping[Any, Material],
     conditions: Given,
     *,
     element: str = "auto",
@@ -28,8 +30,9 @@ def body(
 
     Args:
         geometry: Mesh and named faces: of `elastune.geometry.build(comm, ...)`, or around any dolfinx mesh,
-            `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`.
-        material: Its energy.
+            `elastune.Geometry(mesh, facet_tags, {"left": 1, "right": 2})`; with regions,
+            `elastune.Geometry(mesh, facet_tags, faces, cell_tags, {"soft": 1, "hard": 2})`.
+        material: Its energy; or that of each region by name, and by None that of all other cells.
         conditions: What happens, one condition or several by name of a face, or by place: `elastune.Point("tip", at)`,
             `elastune.Curve(name)`; what has none is free.
         element: Name of an element that lives on the mesh's cells; chosen by material and mesh unless given.
@@ -46,12 +49,16 @@ def body(
         raise UserError(f"mesh: expected one of 2 or 3 dimensions, got {mesh.topology.dim} in {mesh.geometry.dim}")
     if geometry.facet_tags.dim != faces:
         raise UserError(f"facet_tags: expected tags of facets, of dimension {faces}, got {geometry.facet_tags.dim}")
-    name = _chosen(material, cell, geometry.cells_count) if element == "auto" else element
+    materials: dict[Any, Material] = {None: material} if isinstance(material, Material) else dict(material)
+    if not materials:
+        raise UserError("material: expected one, or one a region, got none")
+    name = _chosen(materials.values(), cell, geometry.cells_count) if element == "auto" else element
     if name not in ELEMENTS or cell not in ELEMENTS[name].cells:
         fitting = [key for key, kind in ELEMENTS.items() if cell in kind.cells]
         raise UserError(f'element = "{name}": expected one of {", ".join(fitting)} on {cell} cells')
-    if material.energy.incompressible and ELEMENTS[name].pressure is None:
-        raise MaterialError(f"{material.energy.name}: nu = 0.5 needs a mixed element, got {name}")
+    for each in materials.values():
+        if each.energy.incompressible and ELEMENTS[name].pressure is None:
+            raise MaterialError(f"{each.energy.name}: nu = 0.5 needs a mixed element, got {name}")
     (first,) = staged(conditions)
     if not any(isinstance(condition, Motion | Spring) for several in first.values() for condition in several):
         raise UserError(
@@ -64,14 +71,16 @@ def body(
     # A mesh that another program made may know its facets only.
     mesh.topology.create_connectivity(faces, faces + 1)
     whole = first if force is None else first | {Everywhere(): (force,)}
-    return Body(geometry, material.energy, name, whole, stages=stages)
+    solids: Solids = {region: Solid(each.energy) for region, each in materials.items()}
+    return Body(geometry, solids, name, whole, stages=stages)
 
 
-def _chosen(material: Material, cell: str, cells: int) -> str:
+def _chosen(materials: Collection[Material], cell: str, cells: int) -> str:
     """The element that reaches a given error in the least time; a mixed one only where it can be."""
-    mixed = material.nu >= MIXED_FROM
+    mixed = any(material.nu >= MIXED_FROM for material in materials)
     try:
-        split(material.energy)
+        for material in materials:
+            split(material.energy)
     except MaterialError:
         mixed = False
     return choose(cell, mixed, cells).element

@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
-import dolfinx.fem.petsc
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
@@ -18,23 +17,17 @@ from elastune.app.body.conditions.motions import Condition
 from elastune.app.body.conditions.places import Place
 from elastune.app.body.conditions.stages import Given, staged
 from elastune.app.body.conditions.terms import check, load_terms, steady_terms
+from elastune.app.body.regions.parts import Parts
+from elastune.app.body.regions.pressures import Pressures
+from elastune.app.body.regions.solids import Solid, Solids, filled, numbered
 from elastune.app.body.unknowns import Layout, State
 from elastune.app.body.volume import Volume
 from elastune.app.errors import UserError
 from elastune.forms.elements import ELEMENTS
 from elastune.forms.energy import Energy
-from elastune.forms.normalize import linearize
 from elastune.forms.points import Points
 from elastune.forms.spaces import displacement_space, pressure_space
-from elastune.forms.terms import (
-    Domain,
-    Fields,
-    PressureField,
-    StrainEnergy,
-    Term,
-    face_degree,
-)
-from elastune.forms.volumetric import Split, split
+from elastune.forms.terms import Domain, Fields, PressureField, Share, Term, face_degree
 from elastune.geometry import Geometry
 
 Array = NDArray[np.float64]
@@ -45,20 +38,18 @@ class Body:
 
     Attributes:
         geometry: Mesh and named faces.
-        energy: Strain-energy density.
-        extension: Stretch below which a singular energy is continued, or None.
+        solids: What it is made of, by region.
         element: Name of the element.
         quadrature: Degree of the volume quadrature.
         stages: What happens at the end of each stage, by place.
-        softened: Values of the material's parameters with which a tangled body untangles, or None.
         u: The displacement.
         p: The pressure, or None.
-        split: The energy as a mixed element sees it, or None.
         layout: Of the vectors.
         constraints: What holds the body.
         held: Mask of the prescribed unknowns, a vector.
-        strain: The term of the strain energy.
         foundations: The terms of springs and the like, with their places.
+        parts: Its cells, by what they are made of.
+        pressures: Integrals over them.
         terms: All terms of Π.
         assembly: What they add up to.
     """
@@ -66,7 +57,7 @@ class Body:
     def __init__(
         self,
         geometry: Geometry,
-        energy: Energy,
+        material: Energy | Solids,
         element: str,
         conditions: Given,
         *,
@@ -74,41 +65,38 @@ class Body:
         free: bool = False,
         quadrature: int | None = None,
         assembly: Literal["auto", "ufl", "spectral"] = "auto",
-        extension: float | None = None,
-        softened: Energy | None = None,
         more: Callable[[Fields, Domain], Sequence[Term]] = lambda fields, domain: (),
     ) -> None:
         """Builds spaces and forms.
 
         Args:
             geometry: Mesh and named faces.
-            energy: Strain-energy density, calibrated and tuned or not.
+            material: A strain-energy density; or what it is made of by region, None for all other cells.
             element: Name of an element of `ELEMENTS` that lives on the mesh's cells.
             conditions: What happens, by place, or by name of a face; faces without are free.
             stages: What is other at the ends of the stages that follow, see `staged`.
             free: Whether rigid motions may be left that no place holds and no load works on.
             quadrature: Degree of the volume quadrature; the element's own by default.
             assembly: See `StrainEnergy`.
-            extension: Stretch below which a singular energy is continued.
-            softened: The same material with a Poisson's ratio at which tangled bodies untangle.
             more: Makes further terms of Π.
 
         Raises:
-            UserError: If conditions do not fit the mesh or each other, or leave rigid motions.
-            MaterialError: If a mixed element cannot take the energy.
+            UserError: If conditions do not fit the mesh or each other, leave rigid motions, or a region does not fit.
+            MaterialError: If a mixed element cannot take an energy.
         """
-        self.geometry, self.energy, self.extension, self.element = geometry, energy, extension, element
-        self.stages, self.softened = staged(conditions, stages), softened
+        self.geometry, self.element = geometry, element
+        self.stages = staged(conditions, stages)
+        self.solids: Solids = {None: Solid(material)} if isinstance(material, Energy) else dict(material)
         mesh, kind = geometry.mesh, ELEMENTS[element]
         self.dimension = mesh.geometry.dim
         self.quadrature = quadrature or kind.quadrature
         self.V = displacement_space(mesh, kind)
         self.u = fem.Function(self.V, name="displacement")
         self.p: fem.Function | None = None
-        self.split: Split | None = None
+        cells = filled(geometry, self.solids)
         if kind.pressure is not None:
-            self.p = fem.Function(pressure_space(mesh, kind.pressure), name="pressure")
-            self.split = split(energy)
+            groups = numbered(geometry, cells.values())
+            self.p = fem.Function(pressure_space(mesh, kind.pressure, groups), name="pressure")
         check(self.stages, geometry)
         self.layout = Layout(self.u, self.p)
         self.constraints = Constraints(geometry, self.V, self.stages)
@@ -119,13 +107,15 @@ class Body:
         geometry_degree = int(mesh.ufl_domain().ufl_coordinate_element().embedded_superdegree)
         facets = {face: geometry.facets(face) for face in geometry.faces}
         domain = Domain(mesh, self.quadrature, face_degree(kind.degree, geometry_degree), facets)
-        material = energy if self.split is None else self.split.shear
-        self.strain = StrainEnergy(material, fields, domain, assembly, extension)
+        self.parts = Parts.made(cells, self.solids, fields, domain, assembly)
+        shares = [Share(part.split, part.cells) for part in self.parts if part.split is not None]
+        pressures = PressureField(shares, fields, domain) if shares else None
+        self.pressures = Pressures(pressures, self.parts, self.layout)
         setting = Setting(fields, domain, geometry, self.constraints.held)
         self.foundations = steady_terms(self.stages[0], setting)
         self.terms = [
-            self.strain,
-            *self._pressures(fields, domain),
+            *(part.strain for part in self.parts),
+            *([] if pressures is None else [pressures]),
             *(term for _, term in self.foundations),
             *load_terms(self.stages, setting),
             *more(fields, domain),
@@ -133,9 +123,6 @@ class Body:
         self.assembly = Assembly(fields, self.terms, self.layout, self.constraints)
         if complaint is not None:
             self._refuse_pushed(pieces, complaint)
-
-    def _pressures(self, fields: Fields, domain: Domain) -> list[PressureField]:
-        return [] if self.split is None else [PressureField(self.split, fields, domain)]
 
     def _refuse_pushed(self, pieces: Sequence[rigid.Piece], complaint: str) -> None:
         """Refuses loads on a body that nothing holds against them."""
@@ -149,11 +136,6 @@ class Body:
         return [(place, condition) for place, conditions in self.stages[-1].items() for condition in conditions]
 
     # ------------------------------------------------------------------ what follows from the terms
-
-    @property
-    def mixed(self) -> tuple[Split, fem.Function] | None:
-        """Of a mixed element, the energy as it sees it and the pressure."""
-        return None if self.split is None or self.p is None else (self.split, self.p)
 
     @property
     def conservative(self) -> bool:
@@ -213,29 +195,8 @@ class Body:
 
     @cached_property
     def stiffness(self) -> float:
-        """The force of a strain of one at rest: λ + 2μ over the square of the extent; 2μ where pressures carry λ."""
-        at_rest = linearize(self.energy)
-        modulus = 2 * at_rest.lame_mu + (at_rest.lame_lambda if self.split is None else 0.0)
-        return modulus * self.extent ** (self.dimension - 1)
-
-    # ------------------------------------------------------------------ pressures
-
-    @cached_property
-    def pressure_mass(self) -> Any:
-        """∫p q dX of a mixed element, a PETSc matrix."""
-        (term,) = (term for term in self.terms if isinstance(term, PressureField))
-        matrix = dolfinx.fem.petsc.assemble_matrix(term.mass)
-        matrix.assemble()
-        return matrix
-
-    @cached_property
-    def _volumes(self) -> Array:
-        """Diagonal of that matrix, of this rank's pressures."""
-        return self.pressure_mass.getDiagonal().array_r.copy()
-
-    def squared_strain(self, strains: Array) -> float:
-        """∫θ² dX of a volume strain by its values at the pressures, see `Assembly.strains`."""
-        return 0.0 if self.p is None else self.layout.total(strains @ (strains / self._volumes))
+        """The force of a strain of one at rest over the square of the extent; of several parts, of the softest."""
+        return self.parts.softest * self.extent ** (self.dimension - 1)
 
     # ------------------------------------------------------------------ prescribed displacements
 

@@ -49,8 +49,9 @@ class Screen(Progress):
         body = run.body
         ranks = f", {body.comm.size} ranks" if body.comm.size > 1 else ""
         element = f"{body.element} (auto: {run.reason})" if run.reason else body.element
+        materials = " and ".join(dict.fromkeys(given.name for given in self.scene.materials.values()))
         self.console.print(
-            f"{self.scene.name}: {self.scene.material.name}, {element}, "
+            f"{self.scene.name}: {materials}, {element}, "
             f"{body.geometry.cells_count:,} cells, {body.size:,} unknowns{ranks}"
         )
 

@@ -51,7 +51,7 @@ def recover(body: Body, minimizer: Minimizer, shape: State, prove: bool = False)
     """
     # A long way is no reason to change the method.
     patience = minimizer.options.max_iterations
-    if body.softened is not None:
+    if any(part.solid.softened is not None for part in body.parts):
         with _softened(body):
             shape = minimizer.minimize(shape, lambda: body.volume.least_J() > UNTANGLED, patience)
         # The same place, of which nothing is known any more.
@@ -61,14 +61,17 @@ def recover(body: Body, minimizer: Minimizer, shape: State, prove: bool = False)
 
 @contextmanager
 def _softened(body: Body) -> Iterator[None]:
-    """The same material with another ν: its parameters are run-time constants, so that nothing is compiled."""
-    parameters = body.strain.parameters
-    assert body.softened is not None
-    own = parameters.value.copy()
-    parameters.value[:] = np.array(body.softened.constants())
+    """The same materials with another ν: their parameters are run-time constants, so that nothing is compiled."""
+    kept = []
+    for part in body.parts:
+        if part.solid.softened is not None:
+            parameters = part.strain.parameters
+            kept.append((parameters, parameters.value.copy()))
+            parameters.value[:] = np.array(part.solid.softened.constants())
     body.assembly.forget()
     try:
         yield
     finally:
-        parameters.value[:] = own
+        for parameters, own in kept:
+            parameters.value[:] = own
         body.assembly.forget()

@@ -7,13 +7,13 @@ from mpi4py import MPI
 
 from elastune.app.body.body import Array, Body
 from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pull
+from elastune.app.body.regions.parts import Part
 from elastune.app.body.unknowns import State
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS
-from elastune.forms.normalize import linearize
 from elastune.forms.spectral import pointwise, stress
 
-# Points whose tangent is examined on each rank: those of least volume and largest stretch.
+# Points of a part whose tangent is examined on each rank: those of least volume and largest stretch.
 EXAMINED = 500
 
 # Shapes that a body can run away along, as exponents of one stretch t.
@@ -64,13 +64,12 @@ def _shape(body: Body) -> dict[str, Any]:
     centers = mesh.geometry.x[mesh.geometry.dofmap[cells]].mean(axis=1) if len(cells) else np.empty((0, 3))
     worst = [(float(least[i]), centers[i].tolist()) for i in np.argsort(least)[:5] if np.isfinite(least[i])]
     worst = sorted(entry for entries in comm.allgather(worst) for entry in entries)[:5]
-    extremes = np.union1d(np.argsort(J)[:EXAMINED], np.argsort(-stretches[:, 0])[:EXAMINED])
     return {
         "inverted_cells": comm.allreduce(int(np.sum(least <= 0))),
         "worst_cells": [{"J": value, "center": center} for value, center in worst],
         "J": _range(body, J),
         "stretches": _range(body, stretches),
-        "ellipticity": comm.allreduce(_ellipticity(body, H[extremes[finite[extremes]]]), op=MPI.MIN),
+        "ellipticity": comm.allreduce(_least_ellipticity(body, H, J, stretches[:, 0]), op=MPI.MIN),
     }
 
 
@@ -80,20 +79,33 @@ def _range(body: Body, values: Array) -> list[float]:
     return [body.comm.allreduce(float(low), op=MPI.MIN), body.comm.allreduce(float(high), op=MPI.MAX)]
 
 
-def _ellipticity(body: Body, H: Array) -> float:
+def _least_ellipticity(body: Body, H: Array, J: Array, largest: Array) -> float:
+    """Over the extreme quadrature points of each part on this rank; J and largest stretch are NaN where H is."""
+    points, least = body.quadrature_points, np.inf
+    numbers = np.arange(len(H)).reshape(len(points.owned), points.count)
+    for part, own in body.parts.of(points.owned):
+        places = numbers[own].ravel()
+        places = places[np.isfinite(J[places])]
+        extremes = np.union1d(np.argsort(J[places])[:EXAMINED], np.argsort(-largest[places])[:EXAMINED])
+        least = min(least, _ellipticity(part, H[places[extremes]], body.dimension))
+    return least
+
+
+def _ellipticity(part: Part, H: Array, d: int) -> float:
     """Least eigenvalue of the acoustic tensor n·∂P/∂F·n over directions n and points, relative to μ.
 
     In plane strain directions and motions are those of the plane: nothing can fold out of it.
 
     Args:
-        body: Gives the energy.
+        part: Gives the energy.
         H: Displacement gradients, shape (n, 3, 3).
+        d: Dimension of the body.
     """
-    energy, d = body.energy, body.dimension
+    energy = part.energy
     if not energy.objective or not len(H):
         return np.inf
     with np.errstate(all="ignore"):
-        tangent = pointwise(energy, H, body.extension)[2].reshape(-1, 3, 3, 3, 3)
+        tangent = pointwise(energy, H, part.extension)[2].reshape(-1, 3, 3, 3, 3)
     tangent = tangent[np.asarray(np.isfinite(tangent).all(axis=(1, 2, 3, 4)))][:, :d, :d, :d, :d]
     k = np.arange(60)
     if d == 2:
@@ -103,7 +115,7 @@ def _ellipticity(body: Body, H: Array) -> float:
         z, angle = (k + 0.5) / 60, k * np.pi * (3 - np.sqrt(5))
         n = np.column_stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
     acoustic = np.einsum("piJkL,dJ,dL->pdik", tangent, n, n, optimize=True)
-    return float(np.linalg.eigvalsh(acoustic).min(initial=np.inf) / linearize(energy).lame_mu)
+    return float(np.linalg.eigvalsh(acoustic).min(initial=np.inf) / part.shear_modulus)
 
 
 def _residual(body: Body) -> dict[str, Any]:
@@ -119,42 +131,47 @@ def _residual(body: Body) -> dict[str, Any]:
 
 def _unbounded(body: Body) -> bool:
     """Whether the body can lower its energy without end: by itself, or slower than a dead load does work."""
-    energy = body.energy
-    if not energy.objective:
+    dead = (BodyForce, Force, Moment, NormalPull, Pull)
+    pulled = any(isinstance(condition, dead) for _, condition in body.acting())
+    return any(_unbounded_part(part, pulled) for part in body.parts)
+
+
+def _unbounded_part(part: Part, pulled: bool) -> bool:
+    if not part.energy.objective:
         return False
     far = np.array([1e-4, 1e-3, 1e3, 1e4])
     diagonals = (far[:, None, None] ** _RAYS).reshape(-1, 3)
     H = np.einsum("ni,ij->nij", diagonals - 1, np.eye(3))
     with np.errstate(all="ignore"):
-        psi = np.nan_to_num(stress(energy, H, body.extension)[0], nan=np.inf) / linearize(energy).lame_mu
+        psi = np.nan_to_num(stress(part.energy, H, part.extension)[0], nan=np.inf) / part.shear_modulus
     if psi.min() < -1e2:
         return True
-    dead = (BodyForce, Force, Moment, NormalPull, Pull)
-    pulled = any(isinstance(condition, dead) for _, condition in body.acting())
     return pulled and bool((psi / diagonals.max(axis=1))[diagonals.max(axis=1) >= 1e4].min() < 1e-2)
 
 
 def _locking(body: Body) -> str | None:
-    at_rest, element = linearize(body.energy), ELEMENTS[body.element]
-    nu = at_rest.poissons_ratio
+    part = max(body.parts, key=lambda part: part.at_rest.poissons_ratio)
+    nu = part.at_rest.poissons_ratio
     limit = 0.45 if body.element == "P1" else 0.495
-    if element.degree > 1 or nu < limit:
+    if ELEMENTS[body.element].degree > 1 or nu < limit:
         return None
-    return f"{body.element} at nu = {nu:.4g}: the cells have too few motions that keep their volume"
+    where = "" if part.name is None else f" in region {part.name}"
+    return f"{body.element} at nu = {nu:.4g}{where}: the cells have too few motions that keep their volume"
 
 
 def _advice(body: Body, options: Options, started: bool, kind: str, found: dict[str, Any]) -> list[str]:
     """Next things to try, the most promising first."""
     advice = []
-    if kind == "undefined" and not body.energy.inverts and body.extension is None:
-        advice.append("give material.extension = 0.25, which continues the energy through J = 0")
+    undefined = [part for part in body.parts if not part.energy.inverts and part.extension is None]
+    if kind == "undefined" and undefined:
+        advice.append(f"give {undefined[0].key}.extension = 0.25, which continues the energy through J = 0")
     if found["unbounded_below"]:
         advice.append("take another material or a smaller load: this energy has no minimum to find")
     if found["ellipticity"] < 0:
         advice.append("take another material: this one loses ellipticity there, and the mesh decides what folds")
     if found["locking"]:
         advice.append('set solve.element = "P2" or "Q2", or a mixed one: "P2-P1", "Q2-P1d"')
-    if not body.strain.can_filter:
+    if not body.parts.can_filter:
         advice.append('set solve.assembly = "spectral", whose tangent can be filtered')
     if kind == "time":
         advice.append(f"raise solve.time_limit above {options.time_limit:g} s, or take fewer cells")

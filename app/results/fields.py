@@ -150,14 +150,16 @@ class Fields:
         """Averages over the cells that this rank owns, by field.
 
         Args:
-            names: Keys of `CELL_FIELDS`.
+            names: Keys of `CELL_FIELDS`, or "region".
 
         Returns:
             Arrays of shape (cells,), (cells, 3) or (cells, 3, 3).
         """
-        functions = {name: CELL_FIELDS[name] for name in names}
+        asked = list(names)
+        functions = {name: CELL_FIELDS[name] for name in asked if name != "region"}
+        regions = {"region": self._regions()} if "region" in asked else {}
         if not functions:
-            return {}
+            return regions
         parts: dict[str, list[Array]] = {name: [] for name in functions}
         # An inverted or collapsed cell may have no finite stress: the file then says NaN.
         with np.errstate(all="ignore"):
@@ -167,7 +169,16 @@ class Fields:
                     values = function(samples)
                     values = values.reshape(*volumes.shape, *values.shape[1:])
                     parts[name].append(np.einsum("cp,cp...->c...", shares, values))
-        return {name: np.concatenate(blocks) for name, blocks in parts.items()}
+        return {name: np.concatenate(blocks) for name, blocks in parts.items()} | regions
+
+    def _regions(self) -> NDArray[np.int32]:
+        """Of each cell the place of its region among those with a material of their own, from one; zero without."""
+        body, cells = self._body, self._body.quadrature_points.owned
+        numbers = {name: k for k, name in enumerate((name for name in body.solids if name is not None), start=1)}
+        found: NDArray[np.int32] = np.zeros(len(cells), dtype=np.int32)
+        for part, own in body.parts.of(cells):
+            found[own] = numbers.get(part.name or "", 0)
+        return found
 
     def _blocks(self) -> Iterator[tuple[Samples, Array]]:
         """Samples of some cells at a time, and the volumes of their points, shape (cells, points)."""
@@ -183,7 +194,14 @@ class Fields:
             )
 
     def _respond(self, H: Array, cells: NDArray[np.int32]) -> tuple[Array, Array]:
-        body = self._body
-        if body.mixed is not None:
-            return mixed_response(body.mixed[0], H, body.quadrature_points.evaluate(body.mixed[1], cells).ravel())
-        return response.first(body.energy, H, body.extension)
+        body, shape = self._body, (len(cells), self._body.quadrature_points.count)
+        psi, P = np.empty(shape), np.empty((*shape, 3, 3))
+        p = None if body.p is None else body.quadrature_points.evaluate(body.p, cells).reshape(shape)
+        for part, own in body.parts.of(cells):
+            gradients = H.reshape(*shape, 3, 3)[own].reshape(-1, 3, 3)
+            if part.split is None or p is None:
+                found = response.first(part.energy, gradients, part.extension)
+            else:
+                found = mixed_response(part.split, gradients, p[own].ravel())
+            psi[own], P[own] = found[0].reshape(-1, shape[1]), found[1].reshape(-1, shape[1], 3, 3)
+        return psi.reshape(-1), P.reshape(-1, 3, 3)

@@ -56,7 +56,10 @@ class Failure:
 
 @dataclass
 class Summary:
-    """What `summary.json` says; scripts rely on its keys."""
+    """What `summary.json` says; scripts rely on its keys.
+
+    `materials` are those of regions, by name; `material` is the body's, or of the first region.
+    """
 
     scene: str
     status: str
@@ -70,6 +73,7 @@ class Summary:
     wall_s: float = 0.0
     peak_memory_mb: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
+    materials: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Nested tables for JSON."""

@@ -10,14 +10,15 @@ from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pressure, Pull, Spring
 from elastune.app.body.conditions.motions import Clamp, Condition, Roller, Rotation, Translation
 from elastune.app.body.conditions.places import Curve, Everywhere, Face, Pin, Place, Point
+from elastune.app.body.regions.solids import Solid
 from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError
 from elastune.app.path.follow import Step
 from elastune.app.scene import schema
-from elastune.app.scene.schema import Scene, material_energy, mesh_arguments
+from elastune.app.scene.schema import Scene, energy_of, material_energies, mesh_arguments
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS, Choice
-from elastune.forms.energy import Energy
+from elastune.forms.energy import Energy, MaterialError
 from elastune.forms.expressions import Entry, Expression
 
 # Poisson's ratio at which tangled bodies untangle, see `path.recover`.
@@ -36,19 +37,19 @@ def build(scene: Scene, comm: MPI.Comm, **changes: Any) -> tuple[Body, str]:
         UserError: If the mesh, or the scene on this mesh, is impossible.
     """
     try:
-        energy = material_energy(scene)
+        solids = _solids(scene)
         mesh = geometry.build(comm, **mesh_arguments(scene))
         choice = _element(scene, mesh.mesh.topology.cell_name(), mesh.cells_count)
         arguments = _arguments(scene, choice.element, mesh.mesh.geometry.dim) | changes
-        return Body(mesh, energy, choice.element, **arguments), choice.reason
+        return Body(mesh, solids, choice.element, **arguments), choice.reason
     except geometry.GeometryError as error:
         raise SceneError(f"{scene.name}.toml: mesh: {error}") from None
-    except UserError as error:
+    except (UserError, MaterialError) as error:
         raise SceneError(f"{scene.name}.toml: {error}") from None
 
 
 def _arguments(scene: Scene, element: str, dimension: int) -> dict[str, Any]:
-    """Those of `Body` beside mesh, energy and element."""
+    """Those of `Body` beside mesh, solids and element."""
     kind = ELEMENTS[element]
     first, *others = (_stage(end, dimension) for end in scene.ends)
     pins = [] if scene.start is None else scene.start.pins
@@ -59,8 +60,6 @@ def _arguments(scene: Scene, element: str, dimension: int) -> dict[str, Any]:
         # A rule for the state at rest may not see cells that are folded within.
         "quadrature": scene.solve.quadrature or (kind.tangled_quadrature if scene.start else kind.quadrature),
         "assembly": scene.solve.assembly,
-        "extension": scene.material.extension,
-        "softened": _softened(scene),
     }
 
 
@@ -149,9 +148,17 @@ def _element(scene: Scene, cell: str, cells: int) -> Choice:
     return Choice(name, "")
 
 
-def _softened(scene: Scene) -> Energy | None:
-    """The scene's material with another ν, where that helps."""
-    material = scene.material
-    if scene.start is None or material.nu is None or material.nu <= SOFT:
+def _solids(scene: Scene) -> dict[str | None, Solid]:
+    """What the body is made of, by region."""
+    solids = {}
+    for region, energy in material_energies(scene).items():
+        material = scene.materials[region]
+        solids[region] = Solid(energy, material.extension, None if scene.start is None else _softened(material))
+    return solids
+
+
+def _softened(material: schema.Material) -> Energy | None:
+    """The material with another ν, where that helps."""
+    if material.nu is None or material.nu <= SOFT:
         return None
-    return material_energy(scene.model_copy(update={"material": material.model_copy(update={"nu": SOFT})}))
+    return energy_of(material.model_copy(update={"nu": SOFT}), mixed=False)

@@ -1,11 +1,12 @@
 """What one key of a scene alone cannot tell: whether the keys go together."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from elastune.app.errors import SceneError
 from elastune.app.scene.check_conditions import check_conditions
-from elastune.app.scene.schema import Scene, material_energy, mesh_arguments, unmixed_keys
+from elastune.app.scene.schema import Scene, material_energies, material_key, mesh_arguments, unmixed_keys
 from elastune.forms.elements import ELEMENTS
 from elastune.geometry import GeometryError
 from elastune.geometry.select.asked import selectors
@@ -25,15 +26,22 @@ def check(scene: Scene) -> None:
             f'solve.element = "{scene.element}": lives on {" or ".join(element.cells)}, got mesh.cell = "{scene.cell}"'
         )
     check_conditions(scene)
-    energy = material_energy(scene)
-    _check_start(scene, energy)
+    if scene.material is None and not scene.region:
+        raise SceneError("material: missing; every scene needs it")
+    for name, region in scene.region.items():
+        if region.material is None and scene.material is None:
+            raise SceneError(f"region.{name}.material: missing; there is no [material] that it could be of")
+    energies = material_energies(scene)
+    _check_start(scene, energies)
     for key, value, only in unmixed_keys(scene):
         if element.pressure is not None and value != only:
             raise SceneError(f'{key} = {value!r}: not for mixed elements, got solve.element = "{scene.element}"')
-    if scene.material.extension is not None and not energy.objective:
-        raise SceneError(f"material.extension: {energy.name} has no singularity to continue")
-    if scene.material.extension is not None and scene.solve.assembly == "ufl":
-        raise SceneError('material.extension: expected solve.assembly = "auto" or "spectral" with it, got "ufl"')
+    for where, material in scene.materials.items():
+        key = f"{material_key(where)}.extension"
+        if material.extension is not None and not energies[where].objective:
+            raise SceneError(f"{key}: {energies[where].name} has no singularity to continue")
+        if material.extension is not None and scene.solve.assembly == "ufl":
+            raise SceneError(f'{key}: expected solve.assembly = "auto" or "spectral" with it, got "ufl"')
 
 
 def _check_mesh(scene: Scene) -> None:
@@ -57,7 +65,7 @@ def _check_mesh(scene: Scene) -> None:
         raise SceneError(f"mesh.{error}" if str(error).startswith(("faces", "regions")) else f"mesh: {error}") from None
 
 
-def _check_start(scene: Scene, energy: Any) -> None:
+def _check_start(scene: Scene, energies: Mapping[str | None, Any]) -> None:
     start = scene.start
     if start is None:
         return
@@ -68,5 +76,7 @@ def _check_start(scene: Scene, energy: Any) -> None:
         raise SceneError('start.axis = "z": expected x or y in 2D')
     if ELEMENTS[scene.element].pressure is not None:
         raise SceneError(f'start: not for mixed elements, got solve.element = "{scene.element}"')
-    if not energy.inverts and scene.material.extension is None:
-        raise SceneError(f"start.shape: {energy.name} is undefined for J <= 0; give material.extension, e.g. 0.25")
+    for name, energy in energies.items():
+        if not energy.inverts and scene.materials[name].extension is None:
+            key = f"{material_key(name)}.extension"
+            raise SceneError(f"start.shape: {energy.name} is undefined for J <= 0; give {key}, e.g. 0.25")

@@ -106,7 +106,7 @@ class Minimizer:
         if self.options.method == "trust-region":
             state = self._trust_region.run(state, until)
         newton.patience = patience if body.p is None else np.inf
-        for seed in range(ATTEMPTS if body.conservative and body.strain.can_filter else 0):
+        for seed in range(ATTEMPTS if body.conservative and body.parts.can_filter else 0):
             try:
                 # A prediction may well be in balance: at rest, without loads.
                 newton.watchful, newton.suspicious = True, seed > 0 and body.p is not None

@@ -34,9 +34,9 @@ def ladder(body: Body, options: Options) -> list[Convexity]:
     may be zero, and for mixed elements, whose pressures' part no filter sees.
     """
     if body.p is not None:
-        filtering = "clamp" if body.strain.can_filter else "none"
+        filtering = "clamp" if body.parts.can_filter else "none"
         return [RAW, *(Convexity(filtering, share) for share in (0.0, 0.25, 1.0, 4.0, 16.0))]  # type: ignore[arg-type]
-    if not body.strain.can_filter or options.filter == "none":
+    if not body.parts.can_filter or options.filter == "none":
         return [RAW]
     if options.filter == "auto":
         return [RAW, Convexity("clamp"), Convexity("clamp", 0.02)]

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from elastune.app.body.regions.parts import Part
 from elastune.app.body.shapes import noise
 from elastune.app.body.unknowns import Array, State
 from elastune.app.solvers.eigen import least
@@ -49,7 +50,7 @@ class Stability:
             state: In balance, or nearly so.
         """
         body = self.body
-        if not (body.conservative and body.strain.can_filter):
+        if not (body.conservative and body.parts.can_filter):
             return None
         # The iterate before the last tells as much, and is there already.
         at = self._tangent.state if self._tangent.settled else state
@@ -88,6 +89,16 @@ class Stability:
     def _held(self) -> Array:
         return self.body.layout.split(self.body.held)[0]
 
+    @cached_property
+    def penalty(self) -> PETSc.Mat:
+        """What the pressures of incompressible parts have for a compliance."""
+
+        def compliance(part: Part) -> float:
+            free = part.split is not None and np.isinf(part.split.bulk)
+            return 1 / (PENALTY * part.shear_modulus) if free else 0.0
+
+        return self.body.pressures.mass(compliance)
+
     def _operator(self, tangent: Tangent) -> Callable[[Array], Array]:
         """K on free displacements, the pressures eliminated."""
         matrix: PETSc.Mat | _Condensed = tangent.blocks["u", "u"]
@@ -123,8 +134,7 @@ class _Condensed:
         self._A, self._B = tangent.blocks["u", "u"], tangent.blocks["p", "u"]
         S = tangent.blocks["p", "p"].copy()
         S.scale(-1.0)
-        if body.split is not None and np.isinf(body.split.bulk):
-            S.axpy(1 / (PENALTY * body.strain.shear_modulus), body.pressure_mass)
+        S.axpy(1.0, stability.penalty)
         self._ksp = PETSc.KSP().create(body.comm)
         self._ksp.setOperators(S)
         self._ksp.setType("cg")

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from elastune.app.body.body import Body
 from elastune.app.body.unknowns import Array, State
-from elastune.forms.terms import RAW, Convexity
+from elastune.forms.terms import RAW, Convexity, pattern
 
 Pair = tuple[str, str]
 
@@ -34,9 +34,11 @@ class Tangent:
         self.body = body
         self.convexity, self.settled = RAW, False
         self.state: State | None = None
-        self._forms = {pair: forms[0] for term in reversed(body.terms) for pair, forms in term.tangent.items()}
+        fields = {"u": body.u} if body.p is None else {"u": body.u, "p": body.p}
         self.blocks: dict[Pair, PETSc.Mat] = {
-            pair: dolfinx.fem.petsc.create_matrix(form) for pair, form in self._forms.items()
+            (row, column): dolfinx.fem.petsc.create_matrix(pattern(fields[row], fields[column]))
+            for row in fields
+            for column in fields
         }
         self.blocks["u", "u"].setOption(PETSc.Mat.Option.SYMMETRIC, body.conservative)
         self.matrix = self.blocks["u", "u"]

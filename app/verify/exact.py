@@ -120,15 +120,16 @@ class Manufactured:
         points = Points(body.geometry.mesh, 2 * ELEMENTS[body.element].degree + 4)
         X, weights = points.coordinates(), points.volumes()
         H, H_exact = points.gradient(body.u), self.exact.gradient(X)
-        psi_exact, P_exact = response.first(body.energy, H_exact)
+        (part,) = body.parts
+        psi_exact, P_exact = response.first(part.energy, H_exact)
         J, J_exact = (np.linalg.det(np.eye(3) + gradient) for gradient in (H, H_exact))
         pressures = {}
-        if body.p is None or body.split is None:
-            psi, P = response.first(body.energy, H)
+        if body.p is None or part.split is None:
+            psi, P = response.first(part.energy, H)
         else:
             p = points.evaluate(body.p)[:, 0]
-            psi, P = mixed_response(body.split, H, p)
-            pressures = {"pressure": (p, body.split.bulk * body.split.derivatives(J_exact)[1])}
+            psi, P = mixed_response(part.split, H, p)
+            pressures = {"pressure": (p, part.split.bulk * part.split.derivatives(J_exact)[1])}
 
         def total(values: Array) -> float:
             return body.comm.allreduce(float(weights @ values))

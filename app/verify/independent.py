@@ -4,8 +4,10 @@ import basix
 import numpy as np
 import ufl
 from dolfinx import fem, la
+from numpy.typing import NDArray
 
 from elastune.app.body.body import Array, Body
+from elastune.app.body.regions.parts import Part
 from elastune.forms.energy import Energy
 from elastune.forms.evaluation import as_numpy
 from elastune.forms.kinematics import GradientMeasures, PrincipalStretches, deformation_gradient
@@ -18,25 +20,34 @@ def out_of_balance(body: Body) -> float:
     UFL's own derivative of ψ(F), or where ψ needs eigenvalues, whose closed form UFL cannot differentiate at
     repeated stretches, the singular values of F in numpy.
     """
-    forces = _by_singular_values(body) if needs_eigenvalues(body.energy, body.u) else _by_ufl(body)
+    forces = np.sum([_forces(body, part) for part in body.parts], axis=0)
     return body.layout.norm(np.where(body.held, 0.0, body.layout.joined(forces)))
 
 
-def _by_ufl(body: Body) -> Array:
-    constants = fem.Constant(body.geometry.mesh, np.array(body.energy.constants()))
-    named = body.energy.unpack([constants[i] for i in range(len(constants.value))])
-    psi = body.energy.density(GradientMeasures(deformation_gradient(body.u)), named)
-    energy = psi * ufl.dx(body.geometry.mesh, metadata={"quadrature_degree": body.quadrature})
+def _forces(body: Body, part: Part) -> Array:
+    return _by_singular_values(body, part) if needs_eigenvalues(part.energy, body.u) else _by_ufl(body, part)
+
+
+def _by_ufl(body: Body, part: Part) -> Array:
+    mesh, metadata = body.geometry.mesh, {"quadrature_degree": body.quadrature}
+    constants = fem.Constant(mesh, np.array(part.energy.constants()))
+    named = part.energy.unpack([constants[i] for i in range(len(constants.value))])
+    psi = part.energy.density(GradientMeasures(deformation_gradient(body.u)), named)
+    energy = psi * ufl.Measure("dx", mesh, subdomain_data=[(1, _cells(body, part))], metadata=metadata)(1)
     b = fem.assemble_vector(fem.form(ufl.derivative(energy, body.u, ufl.TestFunction(body.V))))
     b.scatter_reverse(la.InsertMode.add)
     return b.array
 
 
-def _by_singular_values(body: Body) -> Array:
+def _cells(body: Body, part: Part) -> NDArray[np.int32]:
+    return body.quadrature_points.owned if part.cells is None else part.cells
+
+
+def _by_singular_values(body: Body, part: Part) -> Array:
     """∫P : ∂v/∂X dX with P = U diag(∂ψ/∂λ) Vᵀ, node by node."""
     mesh, V, d = body.geometry.mesh, body.V, body.dimension
     points, weights = basix.make_quadrature(mesh.basix_cell(), body.quadrature)
-    cells = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
+    cells = _cells(body, part)
     nodes = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, :d]
     jacobian = np.einsum("cgi,kqg->cqik", nodes, _slopes(mesh.basix_cell(), mesh.geometry.cmap.degree, points))
     volumes = np.abs(np.linalg.det(jacobian)) * weights
@@ -46,7 +57,7 @@ def _by_singular_values(body: Body) -> Array:
     displacements = body.u.x.array.reshape(-1, d)[dofs]
     H = np.zeros((*volumes.shape, 3, 3))
     H[..., :d, :d] = np.einsum("cai,cqaj->cqij", displacements, slopes)
-    P = _first_piola_kirchhoff(body.energy, np.eye(3) + H)[..., :d, :d]
+    P = _first_piola_kirchhoff(part.energy, np.eye(3) + H)[..., :d, :d]
     forces = la.vector(V.dofmap.index_map, V.dofmap.index_map_bs)
     forces.array[:] = 0.0
     np.add.at(forces.array.reshape(-1, d), dofs, np.einsum("cqij,cqaj,cq->cai", P, slopes, volumes))

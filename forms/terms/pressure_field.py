@@ -1,6 +1,7 @@
 """A pressure of its own carries the λ part, so that ν may come near to one half, or be it."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import basix
 import basix.ufl
@@ -18,6 +19,18 @@ from elastune.forms.volumetric import Split
 Array = NDArray[np.float64]
 
 
+class Share(NamedTuple):
+    """Cells of one energy.
+
+    Attributes:
+        split: The energy, its λ part a function of J.
+        cells: Those of this rank; None for all.
+    """
+
+    split: Split
+    cells: NDArray[np.int32] | None = None
+
+
 class PressureField(Term):
     """∫p (J - 1) - U*(p) dX, U* the Legendre transform of λU(J).
 
@@ -29,8 +42,10 @@ class PressureField(Term):
     The residual in p is the volume strain that is left, J less the ratio that p asks for; p is positive under
     tension. The tangent's ("p", "p") is not positive, and zero at ν = 0.5.
 
+    Of several energies each has the U* of its cells.
+
     Attributes:
-        mass: ∫p q dX, a form.
+        mass: ∫w p q dX, a form; w is set by `weigh`.
 
     Reference:
         Sussman & Bathe 1987, Computers & Structures 26:357; Brink & Stein 1996, Computational Mechanics 19:105.
@@ -38,11 +53,11 @@ class PressureField(Term):
 
     internal = True
 
-    def __init__(self, split: Split, fields: Fields, domain: Domain, name: str = "pressure_field") -> None:
+    def __init__(self, shares: Sequence[Share], fields: Fields, domain: Domain, name: str = "pressure_field") -> None:
         """Compiles the forms.
 
         Args:
-            split: The energy, its λ part a function of J.
+            shares: One that is all of the body, or some that are.
             fields: Displacement and pressure.
             domain: What is integrated over.
             name: What people call it.
@@ -51,7 +66,7 @@ class PressureField(Term):
         assert p is not None
         V, Q, dx = u.function_space, p.function_space, domain.dx()
         v, w, q, r = ufl.TestFunction(V), ufl.TrialFunction(V), ufl.TestFunction(Q), ufl.TrialFunction(Q)
-        self._conjugate = Conjugate(split, p, domain.degree)
+        self._conjugate = Conjugate(shares, p, domain.degree)
         stored, ratio, compliance = self._conjugate.expressions
         J = ufl.det(deformation_gradient(u))
         force = ufl.derivative(p * J * dx, u, v)
@@ -67,11 +82,38 @@ class PressureField(Term):
                 ("p", "p"): [fem.form(-compliance * r * q * dx)],
             },
         )
-        self.mass = fem.form(r * q * dx)
+        self._weight = ByCell(domain.mesh, shares)
+        self.mass = fem.form(self._weight.number * r * q * dx)
+
+    def weigh(self, weights: Sequence[float]) -> None:
+        """Sets the weight of the mass, by share."""
+        self._weight.set(weights)
 
     def refresh(self) -> None:
         """Updates what depends on the pressure at the quadrature points."""
         self._conjugate.refresh()
+
+
+class ByCell:
+    """A number for each share of a body.
+
+    Attributes:
+        number: A constant of one share, a function of several.
+    """
+
+    def __init__(self, mesh: Any, shares: Sequence[Share]) -> None:
+        """Of the cells of the shares; zero until it is set."""
+        self._shares = shares
+        whole = len(shares) == 1
+        self.number: Any = fem.Constant(mesh, 0.0) if whole else fem.Function(fem.functionspace(mesh, ("DG", 0)))
+
+    def set(self, numbers: Sequence[float]) -> None:
+        """Sets them, by share."""
+        if len(self._shares) == 1:
+            self.number.value = numbers[0]
+        else:
+            for (_, cells), number in zip(self._shares, numbers, strict=True):
+                self.number.x.array[self.number.function_space.dofmap.list[cells]] = number
 
 
 class Conjugate:
@@ -81,13 +123,16 @@ class Conjugate:
         expressions: Energy stored, volume ratio, and its derivative, see `Split.conjugate`.
     """
 
-    def __init__(self, split: Split, p: fem.Function, degree: int) -> None:
+    def __init__(self, shares: Sequence[Share], p: fem.Function, degree: int) -> None:
         """Makes the expressions; `refresh` fills those that are values."""
-        self._split, self._p, self._degree = split, p, degree
+        self._shares, self._p, self._degree = shares, p, degree
+        self._quadratic = all(share.split.quadratic for share in shares)
         self._last: Array | None = None
         mesh = p.function_space.mesh
-        if split.quadratic:
-            compliance = fem.Constant(mesh, 1 / split.bulk)
+        if self._quadratic:
+            by_cell = ByCell(mesh, shares)
+            by_cell.set([1 / share.split.bulk for share in shares])
+            compliance = by_cell.number
             self.expressions: tuple[Any, Any, Any] = compliance * p**2 / 2, 1 + compliance * p, compliance
         else:
             space = fem.functionspace(mesh, basix.ufl.quadrature_element(mesh.basix_cell(), degree=degree))
@@ -95,14 +140,16 @@ class Conjugate:
 
     def refresh(self) -> None:
         """Solves λU'(J) = p at every point, unless the pressures are still those of the last call."""
-        if self._split.quadratic or (self._last is not None and np.array_equal(self._last, self._p.x.array)):
+        if self._quadratic or (self._last is not None and np.array_equal(self._last, self._p.x.array)):
             return
         Q = self._p.function_space
         points, _ = basix.make_quadrature(Q.mesh.basix_cell(), self._degree)
         basis = Q.element.basix_element.tabulate(0, points)[0, :, :, 0]
         pressures = self._p.x.array[Q.dofmap.list] @ basis.T
-        for function, values in zip(self.expressions, self._split.conjugate(pressures), strict=True):
-            function.x.array[function.function_space.dofmap.list] = values
+        for split, cells in self._shares:
+            own = slice(None) if cells is None else cells
+            for function, values in zip(self.expressions, split.conjugate(pressures[own]), strict=True):
+                function.x.array[function.function_space.dofmap.list[own]] = values
         self._last = self._p.x.array.copy()
 
 

@@ -21,7 +21,6 @@ class StrainEnergy(Term):
     Attributes:
         parameters: Values of the material's parameters in the order of `Energy.constants`; may be changed.
         can_filter: Whether the tangent can be made positive semi-definite point by point.
-        shear_modulus: μ_Lamé.
     """
 
     internal = True
@@ -46,7 +45,7 @@ class StrainEnergy(Term):
             assembly: "ufl" for forms differentiated by UFL, "spectral" for the compiled stretch-space kernel,
                 "auto" for the kernel's tangent, which can be filtered, and the faster of the two beside it.
             extension: Stretch below which a singular energy is continued; spectral only.
-            cells: Those of this rank that are made of the material; all by default.
+            cells: Those that this rank owns and that are made of the material; all by default.
             name: What people call it.
         """
         u, mesh = fields.u, domain.mesh
@@ -71,9 +70,9 @@ class StrainEnergy(Term):
         super().__init__(name, compiled("energy", ()), {"u": compiled("residual", (v,))})
         self._tangent = compiled("tangent", (v, w))
         self._share = fem.Constant(mesh, 0.0)
+        self._shear_modulus = linearize(energy).lame_mu
         # Positive definite whatever the state: a collapsed body has a tangent of zero, however filtered.
-        self.shear_modulus = linearize(energy).lame_mu
-        membrane = self.shear_modulus * self._share * ufl.inner(ufl.grad(v), ufl.grad(w)) * domain.dx(cells)
+        membrane = self._share * ufl.inner(ufl.grad(v), ufl.grad(w)) * domain.dx(cells)
         self._membrane = membrane
         self.convexify(Convexity())
 
@@ -81,7 +80,7 @@ class StrainEnergy(Term):
         """Chooses how the tangent treats negative eigenvalues, and what is added to it."""
         if self._kernel is not None:
             self._kernel.filter = convexity.filter
-        self._share.value = convexity.share
+        self._share.value = convexity.share * self._shear_modulus
         self.tangent = {("u", "u"): [self._tangent, *([self._stretching] if convexity.share > 0 else [])]}
 
     @property

@@ -1,8 +1,15 @@
 """The tables of a scene file, one module a kind."""
 
 from elastune.app.scene.schema.conditions import Condition, End, Motions, Point
-from elastune.app.scene.schema.material import Material
-from elastune.app.scene.schema.scene import Scene, material_energy, mesh_arguments, unmixed_keys
+from elastune.app.scene.schema.material import Material, energy_of
+from elastune.app.scene.schema.scene import (
+    Scene,
+    material_energies,
+    material_energy,
+    material_key,
+    mesh_arguments,
+    unmixed_keys,
+)
 
 __all__ = [
     "Condition",
@@ -11,7 +18,10 @@ __all__ = [
     "Motions",
     "Point",
     "Scene",
+    "energy_of",
+    "material_energies",
     "material_energy",
+    "material_key",
     "mesh_arguments",
     "unmixed_keys",
 ]

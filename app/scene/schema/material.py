@@ -25,6 +25,12 @@ class Material(Table):
     extension: Annotated[float, Field(gt=0, le=0.9)] | None = None
 
 
+class Region(Table):
+    """A part of the body with a material of its own: a group of cells of the mesh."""
+
+    material: Material | None = Field(default=None, description="what it is made of; [material] unless given")
+
+
 def energy_of(material: Material, mixed: bool) -> Any:
     """The energy, calibrated and tuned.
 

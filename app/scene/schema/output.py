@@ -27,7 +27,7 @@ class Start(Table):
 class Output(Table):
     """What is written beside `summary.json` and `history.csv`."""
 
-    fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]] = [
+    fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress", "region"]] = [
         "displacement"
     ]
     picture: bool = True

@@ -7,7 +7,7 @@ from pydantic import Field
 from elastune.app.errors import SceneError
 from elastune.app.scene.complaints import Table
 from elastune.app.scene.schema.conditions import Body, Condition, Curve, End, Point, Stage, ends
-from elastune.app.scene.schema.material import Material, energy_of
+from elastune.app.scene.schema.material import Material, Region, energy_of
 from elastune.app.scene.schema.mesh import Mesh
 from elastune.app.scene.schema.output import Output, Start
 from elastune.app.scene.schema.solve import Solve
@@ -22,7 +22,10 @@ class Scene(Table):
     title: str = ""
     mesh: Mesh = Mesh()
     solve: Solve = Solve()
-    material: Material
+    material: Material | None = Field(
+        default=None, description="of the body, and of regions without one; needed unless every cell lies in one with"
+    )
+    region: dict[str, Region] = Field(default={}, description="parts of other materials, by name of a group of cells")
     boundary: dict[str, Condition] = Field(default={}, description="what happens on faces, by name")
     curve: dict[str, Curve] = Field(default={}, description="what happens on curves that the mesh file names")
     point: dict[str, Point] = Field(
@@ -40,6 +43,13 @@ class Scene(Table):
     def ends(self) -> list[End]:
         """What there is at the end of each stage."""
         return ends(self)
+
+    @property
+    def materials(self) -> dict[str | None, Material]:
+        """What the body is made of, by region; None stands for all other cells."""
+        body = {} if self.material is None else {None: self.material}
+        own = {name: region.material or self.material for name, region in self.region.items()}
+        return body | {name: material for name, material in own.items() if material is not None}
 
     @property
     def cell(self) -> str:
@@ -61,39 +71,58 @@ class Scene(Table):
         return choose(cell, _near_incompressible(self), cells)
 
 
-def material_energy(scene: Scene) -> Any:
-    """The scene's energy, calibrated and tuned.
+def material_key(region: str | None) -> str:
+    """The table that says what a region is made of, or the rest of the body."""
+    return "material" if region is None else f"region.{region}.material"
+
+
+def material_energies(scene: Scene) -> dict[str | None, Any]:
+    """The energies of a scene, calibrated and tuned, by region; None stands for all other cells.
 
     Raises:
-        SceneError: If the material cannot be what the scene asks for.
+        SceneError: If a material cannot be what the scene asks for.
     """
-    try:
-        return energy_of(scene.material, mixed=ELEMENTS[scene.element].pressure is not None)
-    except MaterialError as error:
-        raise SceneError(f"material: {error}") from None
+    mixed, energies = ELEMENTS[scene.element].pressure is not None, {}
+    for region, material in scene.materials.items():
+        try:
+            energies[region] = energy_of(material, mixed)
+        except MaterialError as error:
+            raise SceneError(f"{material_key(region)}: {error}") from None
+    return energies
+
+
+def material_energy(scene: Scene) -> Any:
+    """The energy of a scene of one material.
+
+    Raises:
+        SceneError: If it has several, or its material cannot be what it asks for.
+    """
+    if scene.region:
+        raise SceneError(f"region.{next(iter(scene.region))}: expected one material in the whole body")
+    return material_energies(scene)[None]
 
 
 def unmixed_keys(scene: Scene) -> tuple[tuple[str, Any, Any], ...]:
     """Keys that mixed elements know one value of: key, the scene's value, and that one."""
     return (
-        ("material.extension", scene.material.extension, None),
+        *((f"{material_key(region)}.extension", given.extension, None) for region, given in scene.materials.items()),
         ("solve.filter", scene.solve.filter, "auto"),
         ("solve.method", scene.solve.method, "line-search"),
     )
 
 
 def _near_incompressible(scene: Scene) -> bool:
-    """Whether "auto" is to take a mixed element: never where one would be refused."""
-    nu = scene.material.nu
+    """Whether "auto" is to take a mixed element: where a material needs one, and all can be had with one."""
+    given = list(scene.materials.values())
     if scene.start is not None or any(value != only for _, value, only in unmixed_keys(scene)):
         return False
-    if nu is not None and nu < MIXED_FROM:
+    if all(material.nu is not None and material.nu < MIXED_FROM for material in given):
         return False
     try:
-        energy = energy_of(scene.material, mixed=True)
+        energies = [energy_of(material, mixed=True) for material in given]
     except MaterialError:
         return False
-    return linearize(energy).poissons_ratio >= MIXED_FROM
+    return any(linearize(energy).poissons_ratio >= MIXED_FROM for energy in energies)
 
 
 def mesh_arguments(scene: Scene) -> dict[str, Any]:

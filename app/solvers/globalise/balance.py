@@ -1,6 +1,7 @@
 """What "in balance" means."""
 
 import numpy as np
+from mpi4py import MPI
 
 from elastune.app.body.body import Body
 from elastune.app.body.unknowns import Array, State
@@ -34,7 +35,7 @@ class Balance:
     def parts(self, state: State) -> tuple[float, float]:
         """Norms of the forces out of balance and of the volume strains."""
         forces, strains = self.body.layout.split(self.out_of_balance(state))
-        return self.body.layout.norm(forces), float(np.sqrt(self.body.squared_strain(strains)))
+        return self.body.layout.norm(forces), float(np.sqrt(self.body.pressures.squared(strains)))
 
     def scales(self, state: State) -> tuple[float, float]:
         """What the two are relative to at a state."""
@@ -46,12 +47,24 @@ class Balance:
     def error(self, state: State) -> float:
         """The larger of the two relative to its scale; zero where forces are rounding."""
         (force, strain), (force_scale, strain_scale) = self.parts(state), self.scales(state)
-        relative = 0.0 if force <= ROUNDING * self.body.stiffness else force / force_scale
+        relative = 0.0 if force <= self._rounding(state) else force / force_scale
         return float(np.maximum(relative, strain / strain_scale))
 
     def accept(self, state: State) -> None:
         """Counts a state among the iterates."""
         self._largest = max(self._largest, self._forces(state))
+
+    def _rounding(self, state: State) -> float:
+        """Forces that are rounding: of the softest part, or of the stiffest.
+
+        A stiff one counts by how far it moves, as its displacements are rounded; but in full with pressures, which come
+        from volume ratios near one.
+        """
+        body, factor = self.body, self.body.parts.contrast
+        if factor > 1 and body.p is None:
+            own = float(np.abs(body.layout.split(state.values)[0]).max(initial=0.0))
+            factor *= min(body.comm.allreduce(own, op=MPI.MAX) / body.extent, 1.0)
+        return float(ROUNDING * body.stiffness * max(1.0, factor))
 
     def _forces(self, state: State) -> float:
         layout = self.body.layout

@@ -26,9 +26,8 @@ def escape(body: Body, state: State, direction: Array) -> State | None:
 
     def energy(length: float) -> float:
         trial = moved(state, direction, length)
-        return assembly.energy(trial) + weight * body.squared_strain(assembly.strains(trial))
+        # A volume that pressures do not allow is no way down.
+        return assembly.energy(trial) + body.pressures.work(assembly.strains(trial))
 
-    # A volume that pressures do not allow is no way down.
-    weight = 0.0 if body.split is None else body.strain.shear_modulus / 2
     length = lowering(energy, FIRST * body.extent, LEAST * body.extent, 0.1 * assembly.noise(state))
     return None if length is None else moved(state, direction, length)

@@ -88,7 +88,7 @@ class Energy(Merit):
 
 
 class AugmentedLagrangian(Merit):
-    """Π(u, p̂) + γ/2 |∂Π/∂p (u, p̂)|² at the pressure p̂ that a step aims at.
+    """Π(u, p̂) + γ ∫μθ²/2 dX with θ = ∂Π/∂p (u, p̂), at the pressure p̂ that a step aims at.
 
     Newton's direction is one of descent of it for large enough γ, and its own Newton direction, so that steps end up
     whole; unlike the energy with the pressure eliminated, it does not punish a step for the volume that it changes to
@@ -113,22 +113,22 @@ class AugmentedLagrangian(Merit):
                 break
             pressures = 0.5 * pressures
         slope = layout.dot(residual, motion)
-        squared = body.squared_strain(layout.split(residual)[1])
-        weight = body.strain.shear_modulus
+        work, weight = body.pressures.work(layout.split(residual)[1]), 1.0
         if slope > 0:
             # Of a tangent whose eigenvalues nobody counted, a large weight is a sign that they are wrong.
-            limit = np.inf if counted else 10 * weight
-            weight = max(weight, 2 * slope / squared) if squared > 0 else np.inf
+            limit = np.inf if counted else 10.0
+            weight = max(weight, slope / work) if work > 0 else np.inf
             if not weight < limit:
                 return None
 
         def value(length: float) -> float:
             trial = moved(aim, motion, length)
-            return assembly.energy(trial) + weight / 2 * body.squared_strain(assembly.strains(trial))
+            return assembly.energy(trial) + weight * body.pressures.work(assembly.strains(trial))
 
-        start = assembly.energy(aim) + weight / 2 * squared
-        rounding = assembly.noise(aim) + 1e-16 * body.stiffness * body.extent
-        line = Line(value, start, slope - weight * squared, rounding)
+        start = assembly.energy(aim) + weight * work
+        # Volume ratios are rounded relative to one, whatever the pressure.
+        rounding = assembly.noise(aim) + 1e-16 * body.stiffness * body.parts.contrast * body.extent
+        line = Line(value, start, slope - 2 * weight * work, rounding)
         length = backtrack(line, min(1.0, self._first(step, False)), SHORTEST)
         return None if length is None else State(state.values + length * (motion + pressures), state.load)
 

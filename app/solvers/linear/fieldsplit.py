@@ -1,8 +1,9 @@
 """FGMRES on displacements and pressures, with a multigrid for the ones and a mass matrix for the others."""
 
-import numpy as np
 from petsc4py import PETSc
 
+from elastune.app.body.regions.parts import Part
+from elastune.app.solvers.linear.multigrid import set_gamg
 from elastune.app.solvers.linear.solver import LinearSolver
 
 # Iterations; 30 to 60 are usual, and a tangent that takes more is likely not to be one of descent.
@@ -36,9 +37,7 @@ class FieldSplit(LinearSolver):
 
     def _split_fields(self) -> None:
         body, pc = self.tangent.body, self.ksp.getPC()
-        bulk = np.inf if body.split is None else body.split.bulk
-        schur = body.pressure_mass.copy()
-        schur.scale(-(1 / body.strain.shear_modulus + 1 / bulk))
+        schur = body.pressures.mass(_compliance)
         pc.setType("fieldsplit")
         rows, _ = self.tangent.matrix.getNestISs()
         pc.setFieldSplitIS(("u", rows[0]), ("p", rows[1]))
@@ -48,8 +47,14 @@ class FieldSplit(LinearSolver):
         pc.setUp()
         displacements, pressures = pc.getFieldSplitSchurGetSubKSP()
         displacements.setType("preonly")
-        displacements.getPC().setType("gamg")
+        set_gamg(displacements)
         pressures.setType("preonly")
         for ksp in (displacements, pressures, self.ksp):
             ksp.setFromOptions()
         self._split = True
+
+
+def _compliance(part: Part) -> float:
+    """What the Schur complement makes of a pressure in a part, less than zero."""
+    assert part.split is not None
+    return -(1 / part.shear_modulus + 1 / part.split.bulk)
