@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
 from elastune.app.errors import UserError
@@ -24,6 +25,7 @@ from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
 from elastune.app.scene.write import text
 from elastune.app.solvers.options import Options
+from elastune.app.solvers.outcome import Stopped
 from elastune.forms.normalize import linearize
 
 if TYPE_CHECKING:
@@ -152,8 +154,11 @@ class Run:
                 self.summary.wall_s = now - began
                 yield record
         except PathFailure as failure:
-            self.summary.status = "failed"
-            found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
+            interrupted = failure.kind == Stopped.kind
+            self.summary.status = "interrupted" if interrupted else "failed"
+            found = {}
+            if not interrupted:
+                found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
             self.summary.failure = Failure(failure.kind, str(failure), failure.load, found)
         self.summary.wall_s = time.perf_counter() - began
 
@@ -229,9 +234,11 @@ def run(
     outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.picture)
     results = RunFolder(folder, outputs, comm)
     solving = start(scene, comm, progress)
-    results.start(solving.body, text(scene, solving.body.element))
-    for record in solving:
-        results.step(record)
-        solving.progress.step(record)
-    solving.summary.wall_s = time.perf_counter() - began
-    return solving.summary, results.finish(solving.summary)
+    # What is begun is brought to a whole end, whatever signal comes.
+    with interrupts.held():
+        results.start(solving.body, text(scene, solving.body.element))
+        for record in solving:
+            results.step(record)
+            solving.progress.step(record)
+        solving.summary.wall_s = time.perf_counter() - began
+        return solving.summary, results.finish(solving.summary)

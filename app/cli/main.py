@@ -2,69 +2,37 @@
 
 import os
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from elastune.app import interrupts
+from elastune.app.cli.endings import NOT_CONVERGED, OK, failed, interrupted, ranks
 from elastune.app.cli.words import parser
 from elastune.app.errors import UserError
-
-OK, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 2, 3, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; its exit status.
 
     Args:
-        arguments: The words after `elastune`; those of the process by default.
+        arguments: The words after `elastune`; those of the process by default, whose signals are then listened to.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, petsc = (words[: words.index("--")], words[words.index("--") + 1 :]) if "--" in words else (words, [])
+    command = ""
     try:
+        if arguments is None:
+            interrupts.listen()
         options = parser(_BENCHES).parse_args(words)
-        if petsc and options.command != "run":
-            raise UserError(f"elastune {options.command}: takes no PETSc options, got {' '.join(petsc)}")
-        return _COMMANDS[options.command](options, petsc)
-    except UserError as error:
-        _complain(str(error))
-        _wait_for_others()
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        _complain("interrupted")
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output has gone, as in `elastune materials | head`.
-        sys.stderr.close()
-        return OK
-    except Exception:
-        # Other ranks would wait forever for one that has failed alone.
-        mpi = sys.modules.get("mpi4py.MPI")
-        if mpi is not None and mpi.COMM_WORLD.size > 1:
-            traceback.print_exc()
-            sys.stderr.flush()
-            mpi.COMM_WORLD.Abort(1)
-        raise
-
-
-def _complain(message: str) -> None:
-    """One line on standard error, from one rank."""
-    # Bad input is found before MPI is loaded: the launcher's variable tells the rank.
-    if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
-        print(f"elastune: {' '.join(message.split())}", file=sys.stderr)
-
-
-def _ranks() -> int:
-    """Number of processes, as the launcher tells before MPI is loaded."""
-    return int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1"))
-
-
-def _wait_for_others() -> None:
-    """Before MPI is loaded, mpirun ends all ranks as soon as one exits: rank 0 must have spoken by then."""
-    if _ranks() > 1 and "mpi4py.MPI" not in sys.modules:
-        from mpi4py import MPI
-
-        MPI.COMM_WORLD.Barrier()
+        command = options.command
+        if petsc and command != "run":
+            raise UserError(f"elastune {command}: takes no PETSc options, got {' '.join(petsc)}")
+        status = _COMMANDS[command](options, petsc)
+        interrupts.ignore()
+        return status
+    except Exception as error:
+        return failed(error, command)
 
 
 def _run(options: Any, petsc: list[str]) -> int:
@@ -79,7 +47,11 @@ def _run(options: Any, petsc: list[str]) -> int:
 
     with Screen(scene) as screen:
         summary, files = run(scene, folder, progress=screen)
-        screen.finish(summary, files)
+        if summary.status != "interrupted":
+            screen.finish(summary, files)
+    if summary.status == "interrupted" and summary.failure is not None:
+        reached = summary.steps[-1].load if summary.steps else 0.0
+        interrupted(f"interrupted at load {summary.failure.load:.4g}; results up to load {reached:.4g} in {folder}")
     return OK if summary.status == "converged" else NOT_CONVERGED
 
 
@@ -177,7 +149,7 @@ def _stress(options: Any, petsc: list[str]) -> int:
 def _bench(options: Any, petsc: list[str]) -> int:
     if (options.quick or options.everything) and options.name != "kernels":
         raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
-    if _ranks() > 1:
+    if ranks() > 1:
         raise UserError("elastune bench: expected one process")
     _make(options.out)
     _BENCHES[options.name](options)

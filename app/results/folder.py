@@ -17,14 +17,15 @@ import numpy as np
 from mpi4py import MPI
 
 from elastune import __version__
+from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.errors import SceneError
 from elastune.app.results import xdmf
 from elastune.app.results.fields import Fields
-from elastune.app.results.files import GrowingText, remove, replace_text
+from elastune.app.results.files import GrowingText, aside, remove, replace_text
 from elastune.app.results.machine import peak_memory_mb, versions
 from elastune.app.results.pictures import curve, picture
-from elastune.app.results.record import Record, Summary
+from elastune.app.results.record import Failure, Record, Summary
 from elastune.app.results.root import on_root
 from elastune.app.results.xdmf import FieldFile, WholeMesh
 
@@ -108,6 +109,11 @@ class RunFolder:
             data = self._picture_data()
             self._on_root(lambda: self._draw(CURVE, lambda path: self._draw_curve(path, summary)))
             self._on_root(lambda: self._draw(PICTURE, lambda path: picture.picture(path, data)))
+        if summary.status == "converged" and interrupts.asked(self._comm):
+            load = summary.steps[-1].load
+            summary.status = "interrupted"
+            summary.failure = Failure("interrupted", "stopped while the results were drawn", load)
+            self._on_root(lambda: self._write_summary(summary))
         return self._on_root(lambda: [path for name in FILES if (path := self.folder / name).exists()]) or []
 
     def _on_root(self, task: Callable[[], Any]) -> Any:
@@ -187,9 +193,12 @@ class RunFolder:
         curve.draw(points, labels, title).savefig(path, format="png")
 
     def _draw(self, name: str, draw: Callable[[Path], None]) -> None:
-        """A picture that cannot be made is a warning: the numbers are there."""
+        """A picture that cannot be made is a warning: the numbers are there. One that a signal stops is not missed."""
         try:
-            draw(self.folder / name)
+            with interrupts.released(), aside(self.folder / name) as part:
+                draw(part)
+        except interrupts.Interrupted:
+            return
         except Exception as problem:
             log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
 

@@ -40,7 +40,7 @@ class Failure:
     """Why a run stopped.
 
     Attributes:
-        kind: One word.
+        kind: One word; "interrupted" by a signal.
         message: One line.
         load: The load factor that was not reached.
         diagnosis: What the state looks like where the last attempt ended, and advice: see `results.diagnose`.
@@ -54,7 +54,10 @@ class Failure:
 
 @dataclass
 class Summary:
-    """What `summary.json` says; scripts rely on its keys."""
+    """What `summary.json` says; scripts rely on its keys.
+
+    Its status is "converged", "failed" or "interrupted".
+    """
 
     scene: str
     status: str
