@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: where work may stop at once, and where ranks first agree and bring files to a whole end.
+"""SIGINT and SIGTERM: where work ends at once, and where ranks first agree and bring files to a whole end.
 
 Open MPI's launcher kills its ranks a quarter of a second after either. SIGUSR1 and SIGUSR2 it passes on, as other
 launchers do, and here they stand for the two: `./run mpirun` sends them in their place.
@@ -8,10 +8,10 @@ import os
 import select
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, Literal, NoReturn
 
 SIGNALS = {
     signal.SIGINT: signal.SIGINT,
@@ -23,40 +23,46 @@ SIGNALS = {
 # Seconds within which two signals are one: `timeout` sends its to the process and to its group.
 ONE = 0.2
 
+# Who compiles locks a file, or works in a folder of its own, and tidies up on an exception.
+COMPILERS = ("ffcx.codegeneration.jit", "elastune.forms.spectral.build")
+
 
 class Interrupted(Exception):
-    """A signal asked to stop.
-
-    It is an `Exception`, so that who holds a lock, as FFCx does while it compiles, lets it go.
-    """
+    """A signal asked to stop."""
 
 
 class _Signals:
     """What came, and what to do when something comes."""
 
     def __init__(self) -> None:
-        self.listening, self.held, self.over = False, False, False
         self.number, self.first = 0, 0.0
+        self.mode: Literal["end", "raise", "hold"] = "end"
+        self.end: Callable[[], NoReturn] | None = None
 
     def come(self, number: int, frame: FrameType | None) -> None:
         """Python's handler: after the call of a library that is in progress, if there is one."""
-        if self.over:
-            return
         now = time.monotonic()
         if self.number:
             if now - self.first > ONE:
                 os._exit(128 + SIGNALS[signal.Signals(number)])
             return
         self.number, self.first = SIGNALS[signal.Signals(number)], now
-        if not self.held:
+        if self.mode == "raise" or (self.mode == "end" and _compiling(frame)):
             raise Interrupted
+        if self.mode == "end" and self.end is not None:
+            # An exception would have to pass through libraries that do not let it.
+            self.end()
 
 
 _signals = _Signals()
 
 
-def listen() -> None:
-    """From now on a signal raises `Interrupted`, or is noted while held; a second one ends the process at once."""
+def listen(end: Callable[[], NoReturn]) -> None:
+    """From now on signals are taken: a first one as `held` and `raising` say, a second one ends the process at once.
+
+    Args:
+        end: Ends the process where nothing has to be brought to an end before.
+    """
     # The handler runs between calls of libraries, which may last: another process watches for the second signal.
     ours, its = os.pipe()
     os.set_blocking(its, False)
@@ -66,13 +72,13 @@ def listen() -> None:
         _watch(ours, parent)
     os.close(ours)
     signal.set_wakeup_fd(its, warn_on_full_buffer=False)
-    _signals.listening = True
+    _signals.end = end
     for number in SIGNALS:
         signal.signal(number, _signals.come)
 
 
-def _watch(pipe: int, parent: int) -> None:
-    """Reads signals of the parent as they arrive, and never returns."""
+def _watch(pipe: int, parent: int) -> NoReturn:
+    """Reads signals of the parent as they arrive."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     first = None
@@ -89,29 +95,32 @@ def _watch(pipe: int, parent: int) -> None:
     os._exit(0)
 
 
+def _compiling(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") in COMPILERS:
+            return True
+        frame = frame.f_back
+    return False
+
+
 @contextmanager
 def held() -> Iterator[None]:
-    """Within, signals are noted and nothing is raised: `asked` tells.
-
-    Raises:
-        Interrupted: If one came before.
-    """
-    check()
-    before, _signals.held = _signals.held, True
-    try:
-        yield
-    finally:
-        _signals.held = before
+    """Within, a signal is noted only: `asked` tells."""
+    yield from _within("hold")
 
 
 @contextmanager
-def released() -> Iterator[None]:
-    """Within `held`, what may stop at once on one rank alone."""
-    before, _signals.held = _signals.held, False
+def raising() -> Iterator[None]:
+    """Within, a first signal raises `Interrupted`: of one rank, between calls of libraries."""
+    yield from _within("raise")
+
+
+def _within(mode: Literal["raise", "hold"]) -> Iterator[None]:
+    before, _signals.mode = _signals.mode, mode
     try:
         yield
     finally:
-        _signals.held = before
+        _signals.mode = before
 
 
 def asked(comm: Any) -> int:
@@ -120,7 +129,7 @@ def asked(comm: Any) -> int:
     Args:
         comm: MPI communicator.
     """
-    if _signals.listening and comm.size > 1:
+    if _signals.end is not None and comm.size > 1:
         number = max(comm.allgather(_signals.number))
         if number and not _signals.number:
             # This rank's own is still to come, and is not the second.
@@ -133,16 +142,9 @@ def came() -> int:
     return _signals.number
 
 
-def check() -> None:
-    """Stops where a signal came whose exception was lost.
-
-    Raises:
-        Interrupted: Then.
-    """
-    if _signals.number:
-        raise Interrupted
-
-
 def ignore() -> None:
     """What comes now is too late: all is done."""
-    _signals.over = True
+    if _signals.end is not None:
+        # Not a function of ours: Python's end would bring the default back.
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)

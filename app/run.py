@@ -234,8 +234,10 @@ def run(
     outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.picture)
     results = RunFolder(folder, outputs, comm)
     solving = start(scene, comm, progress)
-    # What is begun is brought to a whole end, whatever signal comes.
+    # What is begun is brought to a whole end, whatever signal comes; it begins on all ranks or on none.
     with interrupts.held():
+        if interrupts.asked(comm):
+            raise interrupts.Interrupted
         results.start(solving.body, text(scene, solving.body.element))
         for record in solving:
             results.step(record)

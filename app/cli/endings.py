@@ -4,6 +4,7 @@ import os
 import sys
 import time
 import traceback
+from contextlib import suppress
 from typing import NoReturn
 
 from elastune.app import interrupts
@@ -11,7 +12,10 @@ from elastune.app.errors import UserError
 
 OK, BAD_INPUT, NOT_CONVERGED = 0, 2, 3
 
-# What a person may do after an interrupt, by command.
+# Seconds after which a rank says that it was interrupted, as none before it has: they may be waiting for it.
+PATIENCE = 0.5
+
+# What a person is to know after an interrupt, by command.
 AFTERWARDS = {
     "run": "nothing was written",
     "converge": "what is done is kept, and the same command goes on",
@@ -19,7 +23,7 @@ AFTERWARDS = {
 }
 
 
-def failed(error: Exception, command: str = "") -> int:
+def failed(error: Exception, command: str) -> int:
     """The exit status of a command that raised; says why.
 
     Args:
@@ -29,11 +33,10 @@ def failed(error: Exception, command: str = "") -> int:
     Raises:
         Exception: The same, if it is a mistake of ours.
     """
-    stopped = interrupts.came()
+    if interrupts.came():
+        # What libraries and other ranks have made of the exception that a signal raised.
+        interrupted(command)
     interrupts.ignore()
-    # Or what a library has made of the exception that a signal raised.
-    if stopped:
-        interrupted(f"interrupted: {AFTERWARDS[command]}" if command in AFTERWARDS else "interrupted")
     if isinstance(error, UserError):
         complain(str(error))
         _wait_for_others()
@@ -51,13 +54,21 @@ def failed(error: Exception, command: str = "") -> int:
     raise error
 
 
-def interrupted(message: str) -> NoReturn:
-    """Ends the process after a signal, without the farewell of MPI, for which other ranks may never come."""
-    complain(message)
-    sys.stdout.flush()
-    if rank() != 0:
-        # The launcher ends all as soon as one has ended: rank 0 is to have spoken by then.
-        time.sleep(1)
+def interrupted(command: str, where: str = "") -> NoReturn:
+    """Ends the process after a signal, without the farewell of MPI, for which other ranks may never come.
+
+    Args:
+        command: That it came in.
+        where: How far that got.
+    """
+    interrupts.ignore()
+    more = where or ": ".join(["", AFTERWARDS[command]] if command in AFTERWARDS else [])
+    # The launcher ends all as soon as one has ended.
+    time.sleep(PATIENCE * rank())
+    # Not to Python's streams, in whose middle the signal may have come.
+    os.write(2, f"elastune: interrupted{more}\n".encode())
+    with suppress(Exception):
+        sys.stdout.flush()
     os._exit(128 + interrupts.came())
 
 

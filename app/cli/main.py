@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = ""
     try:
         if arguments is None:
-            interrupts.listen()
+            interrupts.listen(lambda: interrupted(command))
         options = parser(_BENCHES).parse_args(words)
         command = options.command
         if petsc and command != "run":
@@ -51,7 +51,7 @@ def _run(options: Any, petsc: list[str]) -> int:
             screen.finish(summary, files)
     if summary.status == "interrupted" and summary.failure is not None:
         reached = summary.steps[-1].load if summary.steps else 0.0
-        interrupted(f"interrupted at load {summary.failure.load:.4g}; results up to load {reached:.4g} in {folder}")
+        interrupted("run", f" at load {summary.failure.load:.4g}; results up to load {reached:.4g} in {folder}")
     return OK if summary.status == "converged" else NOT_CONVERGED
 
 

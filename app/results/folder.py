@@ -195,7 +195,7 @@ class RunFolder:
     def _draw(self, name: str, draw: Callable[[Path], None]) -> None:
         """A picture that cannot be made is a warning: the numbers are there. One that a signal stops is not missed."""
         try:
-            with interrupts.released(), aside(self.folder / name) as part:
+            with interrupts.raising(), aside(self.folder / name) as part:
                 draw(part)
         except interrupts.Interrupted:
             return
