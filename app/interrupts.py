@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Literal, NoReturn
 
-SIGNALS = {
+SIGNALS: dict[int, signal.Signals] = {
     signal.SIGINT: signal.SIGINT,
     signal.SIGTERM: signal.SIGTERM,
     signal.SIGUSR1: signal.SIGINT,
@@ -44,9 +44,9 @@ class _Signals:
         now = time.monotonic()
         if self.number:
             if now - self.first > ONE:
-                os._exit(128 + SIGNALS[signal.Signals(number)])
+                os._exit(128 + SIGNALS[number])
             return
-        self.number, self.first = SIGNALS[signal.Signals(number)], now
+        self.number, self.first = SIGNALS[number], now
         if self.mode == "raise" or (self.mode == "end" and _compiling(frame)):
             raise Interrupted
         if self.mode == "end" and self.end is not None:
@@ -143,7 +143,8 @@ def came() -> int:
 
 
 def ignore() -> None:
-    """What comes now is too late: all is done."""
+    """What came and was not heeded, and what comes, is too late: all is done."""
+    _signals.number = 0
     if _signals.end is not None:
         # Not a function of ours: Python's end would bring the default back.
         for number in SIGNALS:

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from elastune.app import interrupts
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -223,7 +225,8 @@ def _draw(
         axes.axhline(0 if axes.get_ylim()[0] < 0 else 1, color="#b5b5b5", lw=0.8, zorder=0)
         axes.axvline(1, color="#b5b5b5", lw=0.8, zorder=0)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    with interrupts.held():
+        figure.savefig(path)
 
 
 def _window(stress: Any) -> tuple[float, float]:

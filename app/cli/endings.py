@@ -13,7 +13,10 @@ from elastune.app.errors import UserError
 OK, BAD_INPUT, NOT_CONVERGED = 0, 2, 3
 
 # Seconds after which a rank says that it was interrupted, as none before it has: they may be waiting for it.
-PATIENCE = 0.5
+PATIENCE = 1.5
+
+# Seconds within which a launcher hands a signal to all ranks.
+LAG = 0.2
 
 # What a person is to know after an interrupt, by command.
 AFTERWARDS = {
@@ -33,8 +36,11 @@ def failed(error: Exception, command: str) -> int:
     Raises:
         Exception: The same, if it is a mistake of ours.
     """
+    if ranks() > 1:
+        # Rank 0 may have told of its signal before this rank has one.
+        time.sleep(LAG)
     if interrupts.came():
-        # What libraries and other ranks have made of the exception that a signal raised.
+        # What libraries have made of the exception that a signal raised.
         interrupted(command)
     interrupts.ignore()
     if isinstance(error, UserError):
@@ -61,6 +67,7 @@ def interrupted(command: str, where: str = "") -> NoReturn:
         command: That it came in.
         where: How far that got.
     """
+    number = interrupts.came()
     interrupts.ignore()
     more = where or ": ".join(["", AFTERWARDS[command]] if command in AFTERWARDS else [])
     # The launcher ends all as soon as one has ended.
@@ -69,7 +76,7 @@ def interrupted(command: str, where: str = "") -> NoReturn:
     os.write(2, f"elastune: interrupted{more}\n".encode())
     with suppress(Exception):
         sys.stdout.flush()
-    os._exit(128 + interrupts.came())
+    os._exit(128 + number)
 
 
 def complain(message: str) -> None:

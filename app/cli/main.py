@@ -29,6 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if petsc and command != "run":
             raise UserError(f"elastune {command}: takes no PETSc options, got {' '.join(petsc)}")
         status = _COMMANDS[command](options, petsc)
+        if interrupts.came():
+            interrupted(command)
         interrupts.ignore()
         return status
     except Exception as error:
@@ -48,6 +50,7 @@ def _run(options: Any, petsc: list[str]) -> int:
     with Screen(scene) as screen:
         summary, files = run(scene, folder, progress=screen)
         if summary.status != "interrupted":
+            interrupts.ignore()
             screen.finish(summary, files)
     if summary.status == "interrupted" and summary.failure is not None:
         reached = summary.steps[-1].load if summary.steps else 0.0
@@ -141,7 +144,8 @@ def _stress(options: Any, petsc: list[str]) -> int:
     wanted = (lambda row: row.material in materials) if materials else None
     rows = stress(options.out, MPI.COMM_WORLD, options.limit, tell, wanted)
     if MPI.COMM_WORLD.rank == 0:
-        matrix(rows, options.out / "stress.png")
+        with interrupts.held():
+            matrix(rows, options.out / "stress.png")
         print(f"results: {options.out / 'stress.csv'}, {options.out / 'stress.png'}")
     return OK
 
@@ -165,7 +169,8 @@ def _bench_kernels(options: Any) -> None:
     rows = list(measure(what, lambda line: print(line, flush=True)))
     compiled = compilations(list(what.elements), what.materials)
     print("\n".join(summary(rows, compiled)))
-    print("results: " + ", ".join(map(str, write(rows, compiled, options.out))))
+    with interrupts.held():
+        print("results: " + ", ".join(map(str, write(rows, compiled, options.out))))
 
 
 def _bench_twist(options: Any) -> None:
@@ -181,7 +186,9 @@ def _bench_twist(options: Any) -> None:
 def _bench_stretch(options: Any) -> None:
     from elastune.app.bench.stretch import stretch, write
 
-    print("results: " + ", ".join(map(str, write(stretch(), options.out))))
+    tables = stretch()
+    with interrupts.held():
+        print("results: " + ", ".join(map(str, write(tables, options.out))))
 
 
 def _material_table(overrides: Sequence[str]) -> dict[str, Any]:

@@ -110,9 +110,8 @@ class RunFolder:
             self._on_root(lambda: self._draw(CURVE, lambda path: self._draw_curve(path, summary)))
             self._on_root(lambda: self._draw(PICTURE, lambda path: picture.picture(path, data)))
         if summary.status == "converged" and interrupts.asked(self._comm):
-            load = summary.steps[-1].load
             summary.status = "interrupted"
-            summary.failure = Failure("interrupted", "stopped while the results were drawn", load)
+            summary.failure = Failure("interrupted", "stopped while results were drawn", summary.steps[-1].load)
             self._on_root(lambda: self._write_summary(summary))
         return self._on_root(lambda: [path for name in FILES if (path := self.folder / name).exists()]) or []
 
@@ -197,10 +196,9 @@ class RunFolder:
         try:
             with interrupts.raising(), aside(self.folder / name) as part:
                 draw(part)
-        except interrupts.Interrupted:
-            return
         except Exception as problem:
-            log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
+            if not isinstance(problem, interrupts.Interrupted):
+                log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
 
 
 def _line(entries: Iterable[Any]) -> str:
