@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from elastune.app import interrupts
+from elastune.app.cli import needs
 from elastune.app.errors import UserError
 
 OK, BAD_INPUT, NOT_CONVERGED = 0, 2, 3
@@ -43,6 +44,8 @@ def failed(error: Exception, command: str) -> int:
         # What libraries have made of the exception that a signal raised.
         interrupted(command)
     interrupts.ignore()
+    if isinstance(error, ImportError) and error.name and not error.name.startswith("elastune"):
+        error = needs.missing(error)
     if isinstance(error, UserError):
         complain(str(error))
         _wait_for_others()

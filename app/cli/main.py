@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from elastune.app import interrupts
+from elastune.app.cli import needs
 from elastune.app.cli.endings import NOT_CONVERGED, OK, failed, interrupted, ranks
 from elastune.app.cli.words import parser
 from elastune.app.errors import UserError
@@ -44,6 +45,7 @@ def _run(options: Any, petsc: list[str]) -> int:
     folder = options.out or Path("results") / scene.name
 
     _configure_petsc(petsc)
+    needs.usable()
     from elastune.app.cli.screen import Screen
     from elastune.app.run import run
 
@@ -94,6 +96,7 @@ def _converge(options: Any, petsc: list[str]) -> int:
             print(f"{name:20} {load_study(name).title}")
         return OK
     study = load_study(options.study)
+    needs.present()
 
     from elastune.app.studies.converge import converge
 
@@ -123,8 +126,9 @@ def _configure_petsc(options: Sequence[str] = ()) -> None:
 def _stress(options: Any, petsc: list[str]) -> int:
     if not 0 < options.limit < float("inf"):
         raise UserError(f"--limit {options.limit:g}: expected a number of seconds greater than 0")
-    _make(options.out)
     _configure_petsc()
+    needs.usable()
+    _make(options.out)
     from mpi4py import MPI
 
     from elastune.app.stress.cases import Row
@@ -155,6 +159,7 @@ def _bench(options: Any, petsc: list[str]) -> int:
         raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
     if ranks() > 1:
         raise UserError("elastune bench: expected one process")
+    needs.usable()
     _make(options.out)
     _BENCHES[options.name](options)
     return OK
