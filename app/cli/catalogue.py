@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _NO_LAMBDA = 'no λ part: shown at ν = 0; volume = "neo-hookean-ogden" gives it any ν'
 _NUMBERS = ("E", "ν", "λ_Lamé", "μ_Lamé")
-_WIDE = 110
+_WIDE, _NARROW = 110, 75
 _STRETCHES = (0.4, 2.5)
 _FAMILY = {0.5: "#3b7dd8", 1.0: "#1b1b1b", 2.0: "#d1495b"}
 
@@ -60,8 +60,6 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     Raises:
         MaterialError: If the material cannot be what is asked for.
     """
-    from rich.table import Table
-
     from elastune.forms.materials import get
     from elastune.forms.normalize import linearize
     from elastune.forms.tuned import tuned_energy
@@ -81,15 +79,12 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     console.print(material.formula, highlight=False, markup=False)
     if material.notes:
         console.print(material.notes, style="dim", highlight=False, markup=False)
-    facts = Table.grid(padding=(0, 3, 0, 0))
-    facts.add_row("parameters", _values(chosen, digits=6))
-    for label, value in zip(_NUMBERS, achieved, strict=True):
-        facts.add_row(label, f"{value:.6g}")
-    facts.add_row("domain", _domain(chosen))
-    for option, choices in material.options.items():
-        facts.add_row(option, " | ".join(choices))
-    facts.add_row("curve", str(path))
-    console.print(facts, highlight=False)
+    facts = {"parameters": _values(chosen, digits=6)}
+    facts |= {label: f"{value:.6g}" for label, value in zip(_NUMBERS, achieved, strict=True)}
+    facts["domain"] = _domain(chosen)
+    facts |= {option: " | ".join(choices) for option, choices in material.options.items()}
+    for label, fact in (facts | {"curve": str(path)}).items():
+        console.print(f"{label:<13}{fact}", highlight=False, markup=False)
     if lacks_lambda:
         console.print(_NO_LAMBDA, highlight=False, markup=False)
     return path
@@ -141,20 +136,20 @@ def _columns(rows: list[_Row], console: "Console") -> None:
 
 def _blocks(rows: list[_Row], console: "Console") -> None:
     """For a narrow console or a pipe: a heading with the numbers, and energy and parameters below it."""
-    from rich.padding import Padding
     from rich.text import Text
 
     def line(name: str, numbers: Sequence[str], domain: str) -> str:
         E, nu, first, second = numbers
+        if console.width < _NARROW:
+            return f"{name}\n  {E}  {nu}  {first}  {second}  {domain}"
         return f"{name:<28}{E:>8}{nu:>7}{first:>11}{second:>11}  {domain}"
 
     console.print(Text(line("material", _NUMBERS, "domain"), style="bold"))
     for material, formula, values, numbers in rows:
         console.print(Text(line(material.name, numbers, _domain(material)), style="bold"))
         fits = len(values) + len(material.source) + 5 <= console.width
-        below = Text(formula).append(f"\n{values}", style="cyan")
-        below.append(f"{' · ' if fits else chr(10)}{material.source}", style="dim")
-        console.print(Padding(below, (0, 0, 0, 2), expand=False))
+        below = Text(f"  {formula}").append(f"\n  {values}", style="cyan")
+        console.print(below.append(f"{' · ' if fits else f'{chr(10)}  '}{material.source}", style="dim"))
 
 
 def _rounded(at_rest: "Linearization") -> list[float]:

@@ -70,17 +70,15 @@ def _scenes(options: Any, petsc: list[str]) -> int:
 
 
 def _materials(options: Any, petsc: list[str]) -> int:
-    from rich.console import Console
-
     from elastune.app.cli.catalogue import show, table
+    from elastune.app.cli.console import console
     from elastune.forms.energy import MaterialError
 
-    console = Console()
     try:
         if options.name is None:
-            table(options.E, options.nu, console)
+            table(options.E, options.nu, console())
         else:
-            show(options.name, options.E, options.nu, options.out, _material_table(options.overrides), console)
+            show(options.name, options.E, options.nu, options.out, _material_table(options.overrides), console())
     except MaterialError as error:
         raise UserError(str(error)) from None
     except OSError as error:

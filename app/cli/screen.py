@@ -6,10 +6,10 @@ from types import TracebackType
 from typing import Any
 
 from mpi4py import MPI
-from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
+from elastune.app.cli.console import console
 from elastune.app.results.record import Record, Summary
 from elastune.app.run import Progress, Run
 from elastune.app.scene.schema import Scene
@@ -21,9 +21,7 @@ class Screen(Progress):
     def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
         """Prepares a bar that is shown on terminals only."""
         self.scene = scene
-        # A launcher's pipe looks like a terminal to its ranks, and is none.
-        alone = None if comm.size == 1 else False
-        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True, force_terminal=alone)
+        self.console = console(wrap=False, quiet=comm.rank != 0)
         self.bar = Bar(
             TextColumn("{task.description}"),
             BarColumn(),
