@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
-from elastune.app.errors import UserError
+from elastune.app.errors import UserError, meant
 from elastune.app.path.follow import PathFailure, Reached, Step, follow
 from elastune.app.results.diagnose import diagnose
 from elastune.app.results.fields import CELL_FIELDS, Fields
@@ -121,7 +121,7 @@ class Run:
         known = ("displacement", *CELL_FIELDS)
         for name in names:
             if name not in known:
-                raise UserError(f"field {name!r}: expected one of {', '.join(known)}")
+                raise UserError(f"field {name!r}: {meant(name, known)}")
         fields = Fields(self._reached().body)
         nodal = {"displacement": fields.displacement()} if "displacement" in names else {}
         return nodal | fields.cells([name for name in names if name != "displacement"])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elastune.app.body.motions import Condition
-from elastune.app.errors import UserError
+from elastune.app.errors import UserError, meant
 from elastune.forms.terms import DeadLoads, Domain, Fields, FollowerPressure, Term
 
 
@@ -100,7 +100,7 @@ def check(conditions: Mapping[str, Condition], force: BodyForce | None, faces: I
     vectors = {f"boundary.{face}": getattr(condition, "vector", None) for face, condition in conditions.items()}
     for face in conditions:
         if face not in faces:
-            raise UserError(f"boundary.{face}: unknown face; the mesh has {', '.join(faces)}")
+            raise UserError(f"boundary.{face}: unknown face; {meant(face, faces, 'the mesh has')}")
     if force is not None:
         vectors["body.force"] = force.vector
     for key, vector in vectors.items():

@@ -10,7 +10,7 @@ from elastune.app import interrupts
 from elastune.app.cli import needs
 from elastune.app.cli.endings import NOT_CONVERGED, OK, failed, interrupted, ranks
 from elastune.app.cli.words import parser
-from elastune.app.errors import UserError
+from elastune.app.errors import UserError, meant
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -207,7 +207,7 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     known = set(Material.model_fields) - {"name", "E", "nu", "extension"}
     for key in table:
         if key not in known:
-            raise UserError(f"--set {key}: expected one of {', '.join(sorted(known))}")
+            raise UserError(f"--set {key}: {meant(key, sorted(known))}")
     return table
 
 

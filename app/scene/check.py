@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from elastune.app.errors import SceneError
+from elastune.app.errors import SceneError, meant
 from elastune.app.scene.schema import Scene, material_energy, mesh_arguments, unmixed_keys
 from elastune.forms.elements import ELEMENTS
 from elastune.geometry import GeometryError, face_names
@@ -54,7 +54,7 @@ def _check_conditions(scene: Scene) -> None:
     known = face_names(scene.mesh.shape) if dimension else None
     for face, condition in scene.boundary.items():
         if known is not None and face not in known:
-            raise SceneError(f"boundary.{face}: unknown face; a {scene.mesh.shape} has {', '.join(known)}")
+            raise SceneError(f"boundary.{face}: unknown face; {meant(face, known, f'a {scene.mesh.shape} has')}")
         value = getattr(condition, condition.kind)
         if dimension and isinstance(value, list) and condition.kind != "roller" and len(value) != dimension:
             raise SceneError(f"boundary.{face}.{condition.kind} = {value}: expected {dimension} components")
