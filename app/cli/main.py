@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from elastune.app import interrupts
-from elastune.app.cli import needs
-from elastune.app.cli.endings import NOT_CONVERGED, OK, failed, interrupted, ranks
-from elastune.app.cli.words import parser
+from elastune.app.cli import needs, proofs
+from elastune.app.cli.endings import BAD_INPUT, NOT_CONVERGED, OK, failed, interrupted, rank
+from elastune.app.cli.words import page, parser
 from elastune.app.errors import UserError, meant
 
 
@@ -25,8 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if arguments is None:
             interrupts.listen(lambda: interrupted(command))
-        options = parser(_BENCHES).parse_args(words)
-        command = options.command
+            _speak(words)
+        options = parser(proofs.BENCHES).parse_args(_readable(words))
+        command = options.command or ""
         if petsc and command != "run":
             raise UserError(f"elastune {command}: takes no PETSc options, got {' '.join(petsc)}")
         status = _COMMANDS[command](options, petsc)
@@ -38,13 +39,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return failed(error, command)
 
 
+def _readable(words: list[str]) -> list[str]:
+    """Words that argparse does not take for others: a scene file may be called -h.toml."""
+    if words and not words[0].startswith("-") and words[0] not in _COMMANDS:
+        raise UserError(f"{words[0]}: no such command; {meant(words[0], filter(None, _COMMANDS))}")
+    return [
+        f"./{word}" if word.startswith("-") and word.endswith(".toml") and "=" not in word else word for word in words
+    ]
+
+
+def _speak(words: list[str]) -> None:
+    """Says what a terminal cannot show in its own way, and once, where ranks do not share the work."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    if rank() and words[:1] not in (["run"], ["stress"]):
+        sys.stdout = open(os.devnull, "w")
+
+
+def _start(options: Any, petsc: list[str]) -> int:
+    print(page())
+    return OK
+
+
 def _run(options: Any, petsc: list[str]) -> int:
     from elastune.app.scene.read import load
 
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
 
-    _configure_petsc(petsc)
+    needs.configure_petsc(petsc)
     needs.usable()
     from elastune.app.cli.screen import Screen
     from elastune.app.run import run
@@ -86,112 +109,23 @@ def _materials(options: Any, petsc: list[str]) -> int:
     return OK
 
 
-def _converge(options: Any, petsc: list[str]) -> int:
-    from elastune.app.studies.schema import load_study, shipped
+def _doctor(options: Any, petsc: list[str]) -> int:
+    needs.configure_petsc()
+    from elastune.app.cli.doctor import Examination
 
-    if options.study is None:
-        for name in shipped():
-            print(f"{name:20} {load_study(name).title}")
-        return OK
-    study = load_study(options.study)
-    needs.present()
+    examination = Examination()
+    for line in examination.lines():
+        print(line)
+    return OK if examination.usable else BAD_INPUT
 
-    from elastune.app.studies.converge import converge
 
-    files = converge(study, options.out or Path("results/converge") / study.name, lambda line: print(line, flush=True))
-    print("results: " + ", ".join(str(file) for file in files))
+def _clean(options: Any, petsc: list[str]) -> int:
+    from elastune.app.cli.caches import clean
+
+    # Once, whatever the number of ranks.
+    for what, size in clean(options.pretend) if rank() == 0 else ():
+        print(f"{'would remove' if options.pretend else 'removed'} {what}: {size / 1e6:.0f} MB")
     return OK
-
-
-def _make(folder: Path) -> None:
-    """A folder for results."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from None
-    if not os.access(folder, os.W_OK):
-        raise UserError(f"--out {folder}: cannot be written: Permission denied")
-
-
-def _configure_petsc(options: Sequence[str] = ()) -> None:
-    """Before PETSc starts, which reads some of its options only then, such as -log_view.
-
-    A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
-    """
-    os.environ["PETSC_OPTIONS"] = " ".join([os.environ.get("PETSC_OPTIONS", ""), "-no_signal_handler", *options])
-
-
-def _stress(options: Any, petsc: list[str]) -> int:
-    if not 0 < options.limit < float("inf"):
-        raise UserError(f"--limit {options.limit:g}: expected a number of seconds greater than 0")
-    _configure_petsc()
-    needs.usable()
-    _make(options.out)
-    from mpi4py import MPI
-
-    from elastune.app.stress.cases import Row
-    from elastune.app.stress.outcomes import stress
-    from elastune.app.stress.picture import matrix
-    from elastune.forms.energy import MaterialError
-    from elastune.forms.materials import get
-
-    try:
-        materials = [get(name).name for name in options.material or []]
-    except MaterialError as error:
-        raise UserError(str(error)) from None
-
-    def tell(row: Row) -> None:
-        print(f"{row.material:28} {row.scene:10} nu {row.nu:<6g} {row.cell} {row.status:10} {row.reason}", flush=True)
-
-    wanted = (lambda row: row.material in materials) if materials else None
-    rows = stress(options.out, MPI.COMM_WORLD, options.limit, tell, wanted)
-    if MPI.COMM_WORLD.rank == 0:
-        with interrupts.held():
-            matrix(rows, options.out / "stress.png")
-        print(f"results: {options.out / 'stress.csv'}, {options.out / 'stress.png'}")
-    return OK
-
-
-def _bench(options: Any, petsc: list[str]) -> int:
-    if (options.quick or options.everything) and options.name != "kernels":
-        raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
-    if ranks() > 1:
-        raise UserError("elastune bench: expected one process")
-    needs.usable()
-    _make(options.out)
-    _BENCHES[options.name](options)
-    return OK
-
-
-def _bench_kernels(options: Any) -> None:
-    from elastune.app.bench.compilation import compilations
-    from elastune.app.bench.kernel_tables import summary, write
-    from elastune.app.bench.kernels import measure, plan
-
-    what = plan(options.quick, options.everything)
-    rows = list(measure(what, lambda line: print(line, flush=True)))
-    compiled = compilations(list(what.elements), what.materials)
-    print("\n".join(summary(rows, compiled)))
-    with interrupts.held():
-        print("results: " + ", ".join(map(str, write(rows, compiled, options.out))))
-
-
-def _bench_twist(options: Any) -> None:
-    from elastune.app.bench.twist import twist
-
-    result = twist()
-    ours, theirs = result.energies
-    print(f"elastune, one step:  {result.ours:6.2f} s, {result.ours_newton} Newton steps, energy {ours:.10g}")
-    print(f"tutorial, ten steps: {result.theirs:6.2f} s, {result.theirs_newton} Newton steps, energy {theirs:.10g}")
-    print(f"time against the tutorial's: {result.ours / result.theirs:.3f}")
-
-
-def _bench_stretch(options: Any) -> None:
-    from elastune.app.bench.stretch import stretch, write
-
-    tables = stretch()
-    with interrupts.held():
-        print("results: " + ", ".join(map(str, write(tables, options.out))))
 
 
 def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
@@ -211,13 +145,14 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     return table
 
 
-_BENCHES = {"kernels": _bench_kernels, "twist": _bench_twist, "stretch": _bench_stretch}
-
 _COMMANDS = {
+    "": _start,
     "run": _run,
     "scenes": _scenes,
     "materials": _materials,
-    "converge": _converge,
-    "stress": _stress,
-    "bench": _bench,
+    "converge": proofs.converge,
+    "stress": proofs.stress,
+    "bench": proofs.bench,
+    "doctor": _doctor,
+    "clean": _clean,
 }

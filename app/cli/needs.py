@@ -1,5 +1,7 @@
 """What a command needs that pip does not install, looked for before it starts."""
 
+import os
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -13,6 +15,14 @@ WAYS = (
     'conda create -n elastune -c conda-forge fenics-dolfinx "petsc=*=real*" slepc4py python-gmsh, '
     "or ./run elastune in a checkout"
 )
+
+
+def configure_petsc(options: Sequence[str] = ()) -> None:
+    """Before PETSc starts, which reads some of its options only then, such as -log_view.
+
+    A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
+    """
+    os.environ["PETSC_OPTIONS"] = " ".join([os.environ.get("PETSC_OPTIONS", ""), "-no_signal_handler", *options])
 
 
 def present() -> None:
