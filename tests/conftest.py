@@ -12,6 +12,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
+def own_lines(errors: str) -> list[str]:
+    """What a command says on standard error; what its launcher adds stands between lines of dashes."""
+    own, launcher = [], False
+    for line in errors.splitlines():
+        dashes = line.startswith("-----")
+        launcher ^= dashes
+        if not (launcher or dashes):
+            own.append(line)
+    return own
+
+
 @pytest.fixture
 def elastune(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """The command line as a person runs it, in an empty folder, on any number of ranks."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _NO_LAMBDA = 'no λ part: shown at ν = 0; volume = "neo-hookean-ogden" gives it any ν'
 _NUMBERS = ("E", "ν", "λ_Lamé", "μ_Lamé")
-_WIDE, _NARROW = 110, 75
+_WIDE, _PIPE, _NARROW = 110, 80, 75
 _STRETCHES = (0.4, 2.5)
 _FAMILY = {0.5: "#3b7dd8", 1.0: "#1b1b1b", 2.0: "#d1495b"}
 
@@ -35,10 +35,12 @@ def table(E: float, nu: float, console: "Console") -> None:
 
     lame_pair(E, nu)
     rows = [_row(CATALOGUE[name], E, nu) for name in sorted(CATALOGUE)]
-    if console.width >= _WIDE:
+    # The same in every pipe.
+    width = _PIPE if console.soft_wrap else console.width
+    if width >= _WIDE:
         _columns(rows, console)
     else:
-        _blocks(rows, console)
+        _blocks(rows, console, width)
     if any(row.numbers[1].endswith("*") for row in rows):
         console.print(f"* {_NO_LAMBDA}", highlight=False, markup=False)
 
@@ -134,20 +136,20 @@ def _columns(rows: list[_Row], console: "Console") -> None:
     console.print(grid)
 
 
-def _blocks(rows: list[_Row], console: "Console") -> None:
+def _blocks(rows: list[_Row], console: "Console", width: int) -> None:
     """For a narrow console or a pipe: a heading with the numbers, and energy and parameters below it."""
     from rich.text import Text
 
     def line(name: str, numbers: Sequence[str], domain: str) -> str:
         E, nu, first, second = numbers
-        if console.width < _NARROW:
+        if width < _NARROW:
             return f"{name}\n  {E}  {nu}  {first}  {second}  {domain}"
         return f"{name:<28}{E:>8}{nu:>7}{first:>11}{second:>11}  {domain}"
 
     console.print(Text(line("material", _NUMBERS, "domain"), style="bold"))
     for material, formula, values, numbers in rows:
         console.print(Text(line(material.name, numbers, _domain(material)), style="bold"))
-        fits = len(values) + len(material.source) + 5 <= console.width
+        fits = len(values) + len(material.source) + 5 <= width
         below = Text(f"  {formula}").append(f"\n  {values}", style="cyan")
         console.print(below.append(f"{' · ' if fits else f'{chr(10)}  '}{material.source}", style="dim"))
 

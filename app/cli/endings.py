@@ -46,6 +46,8 @@ def failed(error: Exception, command: str) -> int:
     interrupts.ignore()
     if isinstance(error, ImportError) and error.name and not error.name.startswith("elastune"):
         error = needs.missing(error)
+    if "JIT compilation timed out" in str(error):
+        error = UserError("a kernel is locked by a compilation that was killed, or goes on elsewhere: elastune clean")
     if isinstance(error, UserError):
         complain(str(error))
         _wait_for_others()

@@ -8,7 +8,7 @@ from typing import Any
 
 from elastune.app import interrupts
 from elastune.app.cli import needs, proofs
-from elastune.app.cli.endings import BAD_INPUT, NOT_CONVERGED, OK, failed, interrupted, rank
+from elastune.app.cli.endings import BAD_INPUT, NOT_CONVERGED, OK, failed, interrupted, rank, ranks
 from elastune.app.cli.words import page, parser
 from elastune.app.errors import UserError, meant
 
@@ -122,8 +122,9 @@ def _doctor(options: Any, petsc: list[str]) -> int:
 def _clean(options: Any, petsc: list[str]) -> int:
     from elastune.app.cli.caches import clean
 
-    # Once, whatever the number of ranks.
-    for what, size in clean(options.pretend) if rank() == 0 else ():
+    if ranks() > 1:
+        raise UserError("elastune clean: expected one process")
+    for what, size in clean(options.pretend):
         print(f"{'would remove' if options.pretend else 'removed'} {what}: {size / 1e6:.0f} MB")
     return OK
 
