@@ -3,9 +3,10 @@
 import signal
 import sys
 
-# Ctrl-C ends without a traceback also before the command listens to it.
-signal.signal(signal.SIGINT, signal.SIG_DFL)
+# Ctrl-C ends without a traceback also before the command listens to it; it may be ignored, in the background.
+if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-from elastune.app.cli.main import main  # noqa: E402
+from elastune.app.cli.main import main
 
 sys.exit(main())

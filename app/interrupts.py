@@ -74,7 +74,9 @@ def listen(end: Callable[[], NoReturn]) -> None:
     signal.set_wakeup_fd(its, warn_on_full_buffer=False)
     _signals.end = end
     for number in SIGNALS:
-        signal.signal(number, _signals.come)
+        # Who started the process may have wanted it to ignore one.
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _signals.come)
 
 
 def _watch(pipe: int, parent: int) -> NoReturn:

@@ -146,3 +146,21 @@ def test_every_command(words: list[str], ranks: int, tmp_path: Path) -> None:
     assert len(set(lines)) == 1 and lines[0].startswith("elastune: interrupted"), lines
     for table in tmp_path.rglob("*.csv"):
         assert table.read_bytes().endswith(b"\n")
+
+
+NOTEBOOK = """
+import elastune, os, signal, threading
+run = elastune.solve(elastune.scene("cube-twist", {"mesh.cells": 10, "solve.steps": 40}))
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    for record in run:
+        pass
+except KeyboardInterrupt:
+    print("stopped", len(run.summary.steps) < 40)
+"""
+
+
+def test_in_python_it_is_a_keyboard_interrupt() -> None:
+    """Not one of PETSc's errors: a notebook's button does the same."""
+    done = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True, timeout=120, check=False)
+    assert (done.stdout, done.stderr) == ("stopped True\n", "")

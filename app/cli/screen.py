@@ -32,9 +32,6 @@ class Screen(Progress):
         )
 
     def __enter__(self) -> "Screen":
-        # Even a disabled bar ends with an empty line.
-        if self.console.is_terminal:
-            self.bar.start()
         self.task = self.bar.add_task(self.scene.name, total=1.0)
         return self
 
@@ -51,6 +48,11 @@ class Screen(Progress):
             f"{self.scene.name}: {self.scene.material.name}, {element}, "
             f"{body.geometry.cells_count:,} cells, {body.size:,} unknowns{ranks}"
         )
+        # Even a disabled bar ends with an empty line. Before, a signal would end the process and leave the bar.
+        if self.console.is_terminal:
+            self.bar.start()
+            # Nobody could bring it back if a second signal ended the process.
+            self.console.show_cursor()
 
     def increment(self, load: float, newton: int) -> None:
         """A load increment has converged."""
