@@ -4,28 +4,28 @@ import time
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
-from elastune.app.errors import UserError
+from elastune.app.errors import UserError, meant
 from elastune.app.path.follow import PathFailure, Reached, Step, follow
 from elastune.app.results.diagnose import diagnose
 from elastune.app.results.fields import CELL_FIELDS, Fields
 from elastune.app.results.folder import Outputs, RunFolder
 from elastune.app.results.measures import Measures
 from elastune.app.results.pictures import curve
-from elastune.app.results.record import Failure, Record, Summary
+from elastune.app.results.record import Failure, Record, Summary, begun
 from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
 from elastune.app.scene.write import text
 from elastune.app.solvers.options import Options
-from elastune.forms.energy import Energy
-from elastune.forms.normalize import linearize
+from elastune.app.solvers.outcome import Stopped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,7 +80,7 @@ class Run:
         self.body, self.options = body, options or Options()
         self._start, self._steps, self.reason = start, steps, reason
         self.progress = progress or Progress()
-        self.summary = _summary(body, name)
+        self.summary = begun(body, name)
         self._records, self._begun = self._solve(), False
 
     def __iter__(self) -> Iterator[Record]:
@@ -122,7 +122,7 @@ class Run:
         known = ("displacement", "region", *CELL_FIELDS)
         for name in names:
             if name not in known:
-                raise UserError(f"field {name!r}: expected one of {', '.join(known)}")
+                raise UserError(f"field {name!r}: {meant(name, known)}")
         fields = Fields(self._reached().body)
         nodal = {"displacement": fields.displacement()} if "displacement" in names else {}
         return nodal | fields.cells([name for name in names if name != "displacement"])
@@ -155,8 +155,11 @@ class Run:
                 self.summary.wall_s = now - began
                 yield record
         except PathFailure as failure:
-            self.summary.status = "failed"
-            found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
+            interrupted = failure.kind == Stopped.kind
+            self.summary.status = "interrupted" if interrupted else "failed"
+            found = {}
+            if not interrupted:
+                found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
             self.summary.failure = Failure(failure.kind, str(failure), failure.load, found)
         self.summary.wall_s = time.perf_counter() - began
 
@@ -193,34 +196,6 @@ def start(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | No
     return run
 
 
-def _summary(body: Body, name: str) -> Summary:
-    materials = {region: _material(solid.energy) for region, solid in body.solids.items()}
-    first = next(iter(materials))
-    return Summary(
-        scene=name,
-        status="converged",
-        failure=None,
-        material=materials.get(None, materials[first]),
-        element=body.element,
-        cells=body.geometry.cells_count,
-        dofs=body.size,
-        ranks=body.comm.size,
-        materials={region: entry for region, entry in materials.items() if region is not None},
-    )
-
-
-def _material(energy: Energy) -> dict[str, Any]:
-    """What a summary says of a material."""
-    at_rest = linearize(energy)
-    return {
-        "name": energy.name,
-        "parameters": dict(energy.values),
-        "E": at_rest.youngs_modulus,
-        "nu": at_rest.poissons_ratio,
-        "alpha": 1.0,
-    }
-
-
 def run(
     scene: Scene, folder: Path, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | None = None
 ) -> tuple[Summary, list[Path]]:
@@ -242,9 +217,13 @@ def run(
     outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.picture)
     results = RunFolder(folder, outputs, comm)
     solving = start(scene, comm, progress)
-    results.start(solving.body, text(scene, solving.body.element))
-    for record in solving:
-        results.step(record)
-        solving.progress.step(record)
-    solving.summary.wall_s = time.perf_counter() - began
-    return solving.summary, results.finish(solving.summary)
+    # What is begun is brought to a whole end, whatever signal comes; it begins on all ranks or on none.
+    with interrupts.held():
+        if interrupts.asked(comm):
+            raise interrupts.Interrupted
+        results.start(solving.body, text(scene, solving.body.element))
+        for record in solving:
+            results.step(record)
+            solving.progress.step(record)
+        solving.summary.wall_s = time.perf_counter() - began
+        return solving.summary, results.finish(solving.summary)

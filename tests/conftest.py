@@ -1,6 +1,7 @@
 """What tests of several rooms use."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,6 +11,17 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[1]
+
+
+def own_lines(errors: str) -> list[str]:
+    """What a command says on standard error; what its launcher adds stands between dashes or behind [host:process]."""
+    own, launcher = [], False
+    for line in errors.splitlines():
+        dashes = line.startswith("-----")
+        launcher ^= dashes
+        if not (launcher or dashes or re.match(r"\[\S+:\d+\] ", line)):
+            own.append(line)
+    return own
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 
 # Of each folder of app/, the floors below that it may stand on; forms and geometry carry all of them.
 FLOORS = [
-    {"errors"},
+    {"errors", "interrupts"},
     {"body"},
     {"solvers"},
     {"path", "results"},

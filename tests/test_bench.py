@@ -48,7 +48,7 @@ def test_tables(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["kernel"], "invalid choice: 'kernel'"),
+        (["kernel"], "'kernel': did you mean kernels?"),
         (["kernels", "--quick", "--all"], "not allowed with"),
         (["twist", "--quick"], "takes no --quick"),
         (["kernels", "--out", "file/below"], "--out file/below: cannot be written"),

@@ -37,7 +37,7 @@ BROKEN = {
         "reference.stated.0.values: missing; every stated needs it",
     ),
     "of a table of tables": ('along = "x"', 'alonk = "x"', "quantities.tip.alonk: unknown key; did you mean along?"),
-    "value": ('along = "x"', 'along = "w"', "quantities.tip.along = 'w': input should be"),
+    "value": ('along = "x"', 'along = "w"', "quantities.tip.along = 'w': expected one of x, y, z"),
     "rule": ('along = "x"', "", "quantities.tip: expected one of along and about"),
     "of a union": ('scene = "cube-pull"', "scene = 3", "scene = 3: input should be a valid string"),
     "no table": ('plot = "energy"', 'plot = "energy"\nset = 1', "set = 1: expected a table of keys"),

@@ -48,6 +48,12 @@ def test_ranks_start_without_a_warning() -> None:
     assert (done.stdout.replace("\n", ""), done.stderr) == ("333", "")
 
 
+def test_a_launcher_within_another_finds_mpirun_itself() -> None:
+    words = [str(RUN), "mpirun", "-n", "2", "python3", "-c", "from mpi4py import MPI; print(MPI.COMM_WORLD.size)"]
+    done = _run(*words)
+    assert (done.stdout.split(), done.stderr) in ((["2", "2"], ""), (["22"], ""))
+
+
 def test_one_thread_a_rank() -> None:
     environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
     assert _run("printenv", "OPENBLAS_NUM_THREADS", env=environment).stdout == "1\n"

@@ -113,8 +113,7 @@ def test_petsc_options_reach_snes(elastune: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "COMMAND"),
-        (["rnu"], "rnu"),
+        (["rnu"], "did you mean run?"),
         (["run"], "scene"),
         (["run", "cube-pull", "--sett", "a=1"], "--sett"),
         (["run", "none.toml"], "none.toml"),

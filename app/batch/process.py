@@ -8,6 +8,8 @@ import sys
 from contextlib import suppress
 from typing import Any
 
+from elastune.app import interrupts
+
 
 class CaseFailure(Exception):
     """The process left no answer.
@@ -40,7 +42,9 @@ def answer(module: str, request: dict[str, Any], ranks: int, timeout: float) -> 
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     try:
-        output, errors = process.communicate(timeout=timeout)
+        # An interrupt must not leave the case behind.
+        with interrupts.raising():
+            output, errors = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
         raise CaseFailure("timeout", f"not done after {timeout:g} s") from None
     finally:

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from elastune.app import interrupts
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 
 _NO_LAMBDA = 'no λ part: shown at ν = 0; volume = "neo-hookean-ogden" gives it any ν'
 _NUMBERS = ("E", "ν", "λ_Lamé", "μ_Lamé")
-_WIDE = 110
+_WIDE, _PIPE, _NARROW = 110, 80, 75
 _STRETCHES = (0.4, 2.5)
 _FAMILY = {0.5: "#3b7dd8", 1.0: "#1b1b1b", 2.0: "#d1495b"}
 
@@ -33,10 +35,12 @@ def table(E: float, nu: float, console: "Console") -> None:
 
     lame_pair(E, nu)
     rows = [_row(CATALOGUE[name], E, nu) for name in sorted(CATALOGUE)]
-    if console.width >= _WIDE:
+    # The same in every pipe.
+    width = _PIPE if console.soft_wrap else console.width
+    if width >= _WIDE:
         _columns(rows, console)
     else:
-        _blocks(rows, console)
+        _blocks(rows, console, width)
     if any(row.numbers[1].endswith("*") for row in rows):
         console.print(f"* {_NO_LAMBDA}", highlight=False, markup=False)
 
@@ -58,8 +62,6 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     Raises:
         MaterialError: If the material cannot be what is asked for.
     """
-    from rich.table import Table
-
     from elastune.forms.materials import get
     from elastune.forms.normalize import linearize
     from elastune.forms.tuned import tuned_energy
@@ -79,15 +81,12 @@ def show(name: str, E: float, nu: float, out: Path, options: Mapping[str, Any], 
     console.print(material.formula, highlight=False, markup=False)
     if material.notes:
         console.print(material.notes, style="dim", highlight=False, markup=False)
-    facts = Table.grid(padding=(0, 3, 0, 0))
-    facts.add_row("parameters", _values(chosen, digits=6))
-    for label, value in zip(_NUMBERS, achieved, strict=True):
-        facts.add_row(label, f"{value:.6g}")
-    facts.add_row("domain", _domain(chosen))
-    for option, choices in material.options.items():
-        facts.add_row(option, " | ".join(choices))
-    facts.add_row("curve", str(path))
-    console.print(facts, highlight=False)
+    facts = {"parameters": _values(chosen, digits=6)}
+    facts |= {label: f"{value:.6g}" for label, value in zip(_NUMBERS, achieved, strict=True)}
+    facts["domain"] = _domain(chosen)
+    facts |= {option: " | ".join(choices) for option, choices in material.options.items()}
+    for label, fact in (facts | {"curve": str(path)}).items():
+        console.print(f"{label:<13}{fact}", highlight=False, markup=False)
     if lacks_lambda:
         console.print(_NO_LAMBDA, highlight=False, markup=False)
     return path
@@ -137,22 +136,22 @@ def _columns(rows: list[_Row], console: "Console") -> None:
     console.print(grid)
 
 
-def _blocks(rows: list[_Row], console: "Console") -> None:
+def _blocks(rows: list[_Row], console: "Console", width: int) -> None:
     """For a narrow console or a pipe: a heading with the numbers, and energy and parameters below it."""
-    from rich.padding import Padding
     from rich.text import Text
 
     def line(name: str, numbers: Sequence[str], domain: str) -> str:
         E, nu, first, second = numbers
+        if width < _NARROW:
+            return f"{name}\n  {E}  {nu}  {first}  {second}  {domain}"
         return f"{name:<28}{E:>8}{nu:>7}{first:>11}{second:>11}  {domain}"
 
     console.print(Text(line("material", _NUMBERS, "domain"), style="bold"))
     for material, formula, values, numbers in rows:
         console.print(Text(line(material.name, numbers, _domain(material)), style="bold"))
-        fits = len(values) + len(material.source) + 5 <= console.width
-        below = Text(formula).append(f"\n{values}", style="cyan")
-        below.append(f"{' · ' if fits else chr(10)}{material.source}", style="dim")
-        console.print(Padding(below, (0, 0, 0, 2), expand=False))
+        fits = len(values) + len(material.source) + 5 <= width
+        below = Text(f"  {formula}").append(f"\n  {values}", style="cyan")
+        console.print(below.append(f"{' · ' if fits else f'{chr(10)}  '}{material.source}", style="dim"))
 
 
 def _rounded(at_rest: "Linearization") -> list[float]:
@@ -223,7 +222,8 @@ def _draw(
         axes.axhline(0 if axes.get_ylim()[0] < 0 else 1, color="#b5b5b5", lw=0.8, zorder=0)
         axes.axvline(1, color="#b5b5b5", lw=0.8, zorder=0)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    with interrupts.held():
+        figure.savefig(path)
 
 
 def _window(stress: Any) -> tuple[float, float]:

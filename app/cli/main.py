@@ -2,69 +2,63 @@
 
 import os
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from elastune.app.cli.words import parser
-from elastune.app.errors import UserError
-
-OK, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 2, 3, 130
+from elastune.app import interrupts
+from elastune.app.cli import needs, proofs
+from elastune.app.cli.endings import BAD_INPUT, NOT_CONVERGED, OK, failed, interrupted, rank, ranks
+from elastune.app.cli.words import page, parser
+from elastune.app.errors import UserError, meant
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command; its exit status.
 
     Args:
-        arguments: The words after `elastune`; those of the process by default.
+        arguments: The words after `elastune`; those of the process by default, whose signals are then listened to.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, petsc = (words[: words.index("--")], words[words.index("--") + 1 :]) if "--" in words else (words, [])
+    command = ""
     try:
-        options = parser(_BENCHES).parse_args(words)
-        if petsc and options.command != "run":
-            raise UserError(f"elastune {options.command}: takes no PETSc options, got {' '.join(petsc)}")
-        return _COMMANDS[options.command](options, petsc)
-    except UserError as error:
-        _complain(str(error))
-        _wait_for_others()
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        _complain("interrupted")
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output has gone, as in `elastune materials | head`.
-        sys.stderr.close()
-        return OK
-    except Exception:
-        # Other ranks would wait forever for one that has failed alone.
-        mpi = sys.modules.get("mpi4py.MPI")
-        if mpi is not None and mpi.COMM_WORLD.size > 1:
-            traceback.print_exc()
-            sys.stderr.flush()
-            mpi.COMM_WORLD.Abort(1)
-        raise
+        if arguments is None:
+            interrupts.listen(lambda: interrupted(command))
+            _speak(words)
+        options = parser(proofs.BENCHES).parse_args(_readable(words))
+        command = options.command or ""
+        if petsc and command != "run":
+            raise UserError(f"elastune {command}: takes no PETSc options, got {' '.join(petsc)}")
+        status = _COMMANDS[command](options, petsc)
+        if interrupts.came():
+            interrupted(command)
+        interrupts.ignore()
+        return status
+    except Exception as error:
+        return failed(error, command)
 
 
-def _complain(message: str) -> None:
-    """One line on standard error, from one rank."""
-    # Bad input is found before MPI is loaded: the launcher's variable tells the rank.
-    if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
-        print(f"elastune: {' '.join(message.split())}", file=sys.stderr)
+def _readable(words: list[str]) -> list[str]:
+    """Words that argparse does not take for others: a scene file may be called -h.toml."""
+    if words and not words[0].startswith("-") and words[0] not in _COMMANDS:
+        raise UserError(f"{words[0]}: no such command; {meant(words[0], filter(None, _COMMANDS))}")
+    return [
+        f"./{word}" if word.startswith("-") and word.endswith(".toml") and "=" not in word else word for word in words
+    ]
 
 
-def _ranks() -> int:
-    """Number of processes, as the launcher tells before MPI is loaded."""
-    return int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1"))
+def _speak(words: list[str]) -> None:
+    """Says what a terminal cannot show in its own way, and once, where ranks do not share the work."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    if rank() and words[:1] not in (["run"], ["stress"]):
+        sys.stdout = open(os.devnull, "w")
 
 
-def _wait_for_others() -> None:
-    """Before MPI is loaded, mpirun ends all ranks as soon as one exits: rank 0 must have spoken by then."""
-    if _ranks() > 1 and "mpi4py.MPI" not in sys.modules:
-        from mpi4py import MPI
-
-        MPI.COMM_WORLD.Barrier()
+def _start(options: Any, petsc: list[str]) -> int:
+    print(page())
+    return OK
 
 
 def _run(options: Any, petsc: list[str]) -> int:
@@ -73,13 +67,19 @@ def _run(options: Any, petsc: list[str]) -> int:
     scene = load(options.scene, options.overrides)
     folder = options.out or Path("results") / scene.name
 
-    _configure_petsc(petsc)
+    needs.configure_petsc(petsc)
+    needs.usable()
     from elastune.app.cli.screen import Screen
     from elastune.app.run import run
 
     with Screen(scene) as screen:
         summary, files = run(scene, folder, progress=screen)
-        screen.finish(summary, files)
+        if summary.status != "interrupted":
+            interrupts.ignore()
+            screen.finish(summary, files)
+    if summary.status == "interrupted" and summary.failure is not None:
+        reached = summary.steps[-1].load if summary.steps else 0.0
+        interrupted("run", f" at load {summary.failure.load:.4g}; results up to load {reached:.4g} in {folder}")
     return OK if summary.status == "converged" else NOT_CONVERGED
 
 
@@ -93,17 +93,15 @@ def _scenes(options: Any, petsc: list[str]) -> int:
 
 
 def _materials(options: Any, petsc: list[str]) -> int:
-    from rich.console import Console
-
     from elastune.app.cli.catalogue import show, table
+    from elastune.app.cli.console import console
     from elastune.forms.energy import MaterialError
 
-    console = Console()
     try:
         if options.name is None:
-            table(options.E, options.nu, console)
+            table(options.E, options.nu, console())
         else:
-            show(options.name, options.E, options.nu, options.out, _material_table(options.overrides), console)
+            show(options.name, options.E, options.nu, options.out, _material_table(options.overrides), console())
     except MaterialError as error:
         raise UserError(str(error)) from None
     except OSError as error:
@@ -111,105 +109,24 @@ def _materials(options: Any, petsc: list[str]) -> int:
     return OK
 
 
-def _converge(options: Any, petsc: list[str]) -> int:
-    from elastune.app.studies.schema import load_study, shipped
+def _doctor(options: Any, petsc: list[str]) -> int:
+    needs.configure_petsc()
+    from elastune.app.cli.doctor import Examination
 
-    if options.study is None:
-        for name in shipped():
-            print(f"{name:20} {load_study(name).title}")
-        return OK
-    study = load_study(options.study)
+    examination = Examination()
+    for line in examination.lines():
+        print(line)
+    return OK if examination.usable else BAD_INPUT
 
-    from elastune.app.studies.converge import converge
 
-    files = converge(study, options.out or Path("results/converge") / study.name, lambda line: print(line, flush=True))
-    print("results: " + ", ".join(str(file) for file in files))
+def _clean(options: Any, petsc: list[str]) -> int:
+    from elastune.app.cli.caches import clean
+
+    if ranks() > 1:
+        raise UserError("elastune clean: expected one process")
+    for what, size in clean(options.pretend):
+        print(f"{'would remove' if options.pretend else 'removed'} {what}: {size / 1e6:.0f} MB")
     return OK
-
-
-def _make(folder: Path) -> None:
-    """A folder for results."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from None
-    if not os.access(folder, os.W_OK):
-        raise UserError(f"--out {folder}: cannot be written: Permission denied")
-
-
-def _configure_petsc(options: Sequence[str] = ()) -> None:
-    """Before PETSc starts, which reads some of its options only then, such as -log_view.
-
-    A closed pipe or an interrupt is Python's to handle, not a crash for PETSc to report.
-    """
-    os.environ["PETSC_OPTIONS"] = " ".join([os.environ.get("PETSC_OPTIONS", ""), "-no_signal_handler", *options])
-
-
-def _stress(options: Any, petsc: list[str]) -> int:
-    if not 0 < options.limit < float("inf"):
-        raise UserError(f"--limit {options.limit:g}: expected a number of seconds greater than 0")
-    _make(options.out)
-    _configure_petsc()
-    from mpi4py import MPI
-
-    from elastune.app.stress.cases import Row
-    from elastune.app.stress.outcomes import stress
-    from elastune.app.stress.picture import matrix
-    from elastune.forms.energy import MaterialError
-    from elastune.forms.materials import get
-
-    try:
-        materials = [get(name).name for name in options.material or []]
-    except MaterialError as error:
-        raise UserError(str(error)) from None
-
-    def tell(row: Row) -> None:
-        print(f"{row.material:28} {row.scene:10} nu {row.nu:<6g} {row.cell} {row.status:10} {row.reason}", flush=True)
-
-    wanted = (lambda row: row.material in materials) if materials else None
-    rows = stress(options.out, MPI.COMM_WORLD, options.limit, tell, wanted)
-    if MPI.COMM_WORLD.rank == 0:
-        matrix(rows, options.out / "stress.png")
-        print(f"results: {options.out / 'stress.csv'}, {options.out / 'stress.png'}")
-    return OK
-
-
-def _bench(options: Any, petsc: list[str]) -> int:
-    if (options.quick or options.everything) and options.name != "kernels":
-        raise UserError(f"elastune bench {options.name}: takes no {'--quick' if options.quick else '--all'}")
-    if _ranks() > 1:
-        raise UserError("elastune bench: expected one process")
-    _make(options.out)
-    _BENCHES[options.name](options)
-    return OK
-
-
-def _bench_kernels(options: Any) -> None:
-    from elastune.app.bench.compilation import compilations
-    from elastune.app.bench.kernel_tables import summary, write
-    from elastune.app.bench.kernels import measure, plan
-
-    what = plan(options.quick, options.everything)
-    rows = list(measure(what, lambda line: print(line, flush=True)))
-    compiled = compilations(list(what.elements), what.materials)
-    print("\n".join(summary(rows, compiled)))
-    print("results: " + ", ".join(map(str, write(rows, compiled, options.out))))
-
-
-def _bench_twist(options: Any) -> None:
-    from elastune.app.bench.twist import twist
-
-    result = twist()
-    ours, theirs = result.energies
-    print(f"elastune, one step:  {result.ours:6.2f} s, {result.ours_newton} Newton steps, energy {ours:.10g}")
-    print(f"tutorial, ten steps: {result.theirs:6.2f} s, {result.theirs_newton} Newton steps, energy {theirs:.10g}")
-    print(f"time against the tutorial's: {result.ours / result.theirs:.3f}")
-
-
-def _bench_stretch(options: Any) -> None:
-    from elastune.app.bench.stretch import stretch, write
-
-    print("results: " + ", ".join(map(str, write(stretch(), options.out))))
 
 
 def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
@@ -225,17 +142,18 @@ def _material_table(overrides: Sequence[str]) -> dict[str, Any]:
     known = set(Material.model_fields) - {"name", "E", "nu", "extension"}
     for key in table:
         if key not in known:
-            raise UserError(f"--set {key}: expected one of {', '.join(sorted(known))}")
+            raise UserError(f"--set {key}: {meant(key, sorted(known))}")
     return table
 
 
-_BENCHES = {"kernels": _bench_kernels, "twist": _bench_twist, "stretch": _bench_stretch}
-
 _COMMANDS = {
+    "": _start,
     "run": _run,
     "scenes": _scenes,
     "materials": _materials,
-    "converge": _converge,
-    "stress": _stress,
-    "bench": _bench,
+    "converge": proofs.converge,
+    "stress": proofs.stress,
+    "bench": proofs.bench,
+    "doctor": _doctor,
+    "clean": _clean,
 }

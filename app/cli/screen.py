@@ -6,10 +6,10 @@ from types import TracebackType
 from typing import Any
 
 from mpi4py import MPI
-from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
+from elastune.app.cli.console import console
 from elastune.app.results.record import Record, Summary
 from elastune.app.run import Progress, Run
 from elastune.app.scene.schema import Scene
@@ -21,9 +21,7 @@ class Screen(Progress):
     def __init__(self, scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
         """Prepares a bar that is shown on terminals only."""
         self.scene = scene
-        # A launcher's pipe looks like a terminal to its ranks, and is none.
-        alone = None if comm.size == 1 else False
-        self.console = Console(quiet=comm.rank != 0, highlight=False, soft_wrap=True, force_terminal=alone)
+        self.console = console(wrap=False, quiet=comm.rank != 0)
         self.bar = Bar(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -34,9 +32,6 @@ class Screen(Progress):
         )
 
     def __enter__(self) -> "Screen":
-        # Even a disabled bar ends with an empty line.
-        if self.console.is_terminal:
-            self.bar.start()
         self.task = self.bar.add_task(self.scene.name, total=1.0)
         return self
 
@@ -54,6 +49,11 @@ class Screen(Progress):
             f"{self.scene.name}: {materials}, {element}, "
             f"{body.geometry.cells_count:,} cells, {body.size:,} unknowns{ranks}"
         )
+        # Even a disabled bar ends with an empty line. Before, a signal would end the process and leave the bar.
+        if self.console.is_terminal:
+            self.bar.start()
+            # Nobody could bring it back if a second signal ended the process.
+            self.console.show_cursor()
 
     def increment(self, load: float, newton: int) -> None:
         """A load increment has converged."""

@@ -1,11 +1,16 @@
 """The words of the command line: commands and their options."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from elastune.app.errors import UserError
+from elastune import __version__
+from elastune.app.errors import UserError, meant
+
+# Only a checkout has pages in it.
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ("README.md", "results/README.md")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -23,7 +28,7 @@ def parser(benches: Iterable[str]) -> argparse.ArgumentParser:
         prog="elastune",
         description="Tunes hyperelastic materials and proves the result by finite elements.",
     )
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    commands = top.add_subparsers(dest="command", metavar="COMMAND")
 
     command = commands.add_parser(
         "run",
@@ -71,7 +76,7 @@ def parser(benches: Iterable[str]) -> argparse.ArgumentParser:
     command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/stress"), help="folder of the table")
 
     command = commands.add_parser("bench", help="time the solver against others")
-    command.add_argument("name", choices=sorted(benches), help="what is measured")
+    command.add_argument("name", type=_one_of(sorted(benches)), help=f"what is measured: {', '.join(sorted(benches))}")
     command.add_argument("--out", type=Path, metavar="DIR", default=Path("results/bench"), help="folder of the results")
     extent = command.add_mutually_exclusive_group()
     extent.add_argument("--quick", action="store_true", help="kernels: two materials only")
@@ -81,8 +86,48 @@ def parser(benches: Iterable[str]) -> argparse.ArgumentParser:
         action="store_true",
         help="kernels: UFL's form of every stretch-based material too, which take long to compile",
     )
+
+    commands.add_parser(
+        "doctor",
+        help="tell what is installed, what is missing or slow, and how to mend it",
+        description="Exit status 2 if scenes cannot be run; with mpirun, all ranks together.",
+    )
+
+    command = commands.add_parser(
+        "clean",
+        help="remove compiled kernels and unused roots",
+        description="Removes compiled kernels, which are compiled again when needed, and Debian roots that no checkout "
+        "uses any more. Not while something runs.",
+    )
+    command.add_argument("--dry-run", dest="pretend", action="store_true", help="tell only what would be removed")
     return top
+
+
+def _one_of(known: Sequence[str]) -> Callable[[str], str]:
+    """A type for `argparse`: one of some words."""
+
+    def word(given: str) -> str:
+        if given not in known:
+            raise argparse.ArgumentTypeError(f"{given!r}: {meant(given, known)}")
+        return given
+
+    return word
 
 
 def _overrides(command: argparse.ArgumentParser, meaning: str) -> None:
     command.add_argument("--set", dest="overrides", metavar="KEY=VALUE", action="append", default=[], help=meaning)
+
+
+def page() -> str:
+    """What `elastune` alone shows: where to begin."""
+    told = ", ".join(str(ROOT / name) for name in PAGES if (ROOT / name).is_file())
+    return f"""\
+elastune {__version__} tunes hyperelastic materials and proves the result by finite elements.
+
+  elastune run cube-pull       solves a shipped scene
+  elastune scenes              lists the shipped scenes
+  elastune materials fung      shows a material and draws its curve
+
+Results go to the folder results/ here, those of a run to results/SCENE.
+All commands: elastune --help. What is installed: elastune doctor.
+Documentation: {told or " and ".join(PAGES) + " of the project"}"""

@@ -14,7 +14,7 @@ from elastune.app.path.predict import predict
 from elastune.app.path.recover import recover
 from elastune.app.solvers.minimizer import Minimizer
 from elastune.app.solvers.options import Options
-from elastune.app.solvers.outcome import NotConverged, OutOfTime
+from elastune.app.solvers.outcome import NotConverged, OutOfTime, Stopped
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def follow(
                 except NotConverged as failure:
                     size = (target - state.load) / 2
                     too_small = abs(size) < options.smallest_step * abs(largest)
-                    if start is not None or isinstance(failure, OutOfTime) or too_small:
+                    if start is not None or isinstance(failure, OutOfTime | Stopped) or too_small:
                         if state.load != recorded:
                             yield reached(step.name)
                         body.take(state)

@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import logging
-import math
 import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -17,14 +16,15 @@ import numpy as np
 from mpi4py import MPI
 
 from elastune import __version__
+from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.errors import SceneError
 from elastune.app.results import xdmf
 from elastune.app.results.fields import Fields
-from elastune.app.results.files import GrowingText, remove, replace_text
+from elastune.app.results.files import GrowingText, aside, remove, replace_text
 from elastune.app.results.machine import peak_memory_mb, versions
 from elastune.app.results.pictures import curve, picture
-from elastune.app.results.record import Record, Summary
+from elastune.app.results.record import Failure, Record, Summary
 from elastune.app.results.root import on_root
 from elastune.app.results.xdmf import FieldFile, WholeMesh
 
@@ -108,6 +108,10 @@ class RunFolder:
             data = self._picture_data()
             self._on_root(lambda: self._draw(CURVE, lambda path: self._draw_curve(path, summary)))
             self._on_root(lambda: self._draw(PICTURE, lambda path: picture.picture(path, data)))
+        if summary.status == "converged" and interrupts.asked(self._comm):
+            summary.status = "interrupted"
+            summary.failure = Failure("interrupted", "stopped while results were drawn", summary.steps[-1].load)
+            self._on_root(lambda: self._write_summary(summary))
         return self._on_root(lambda: [path for name in FILES if (path := self.folder / name).exists()]) or []
 
     def _on_root(self, task: Callable[[], Any]) -> Any:
@@ -161,7 +165,7 @@ class RunFolder:
             remove(self.folder / SCENE)
 
     def _add(self, record: Record) -> None:
-        row = _row(record)
+        row = record.row()
         if self._history is None:
             self._history = GrowingText(self.folder / HISTORY, _line(row))
         self._history.add(_line(row.values()))
@@ -176,7 +180,7 @@ class RunFolder:
             self._history.close()
 
     def _write_summary(self, summary: Summary) -> None:
-        text = json.dumps(_finite(summary.as_dict()), indent=2, allow_nan=False)
+        text = json.dumps(summary.as_dict(), indent=2, allow_nan=False)
         replace_text(self.folder / SUMMARY, text + "\n")
 
     def _draw_curve(self, path: Path, summary: Summary) -> None:
@@ -187,11 +191,13 @@ class RunFolder:
         curve.draw(points, labels, title).savefig(path, format="png")
 
     def _draw(self, name: str, draw: Callable[[Path], None]) -> None:
-        """A picture that cannot be made is a warning: the numbers are there."""
+        """A picture that cannot be made is a warning: the numbers are there. One that a signal stops is not missed."""
         try:
-            draw(self.folder / name)
+            with interrupts.raising(), aside(self.folder / name) as part:
+                draw(part)
         except Exception as problem:
-            log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
+            if not isinstance(problem, interrupts.Interrupted):
+                log.warning("%s was not drawn: %s", name, " ".join(str(problem).split()) or type(problem).__name__)
 
 
 def _line(entries: Iterable[Any]) -> str:
@@ -199,30 +205,6 @@ def _line(entries: Iterable[Any]) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(entries)
     return line.getvalue()
-
-
-def _row(record: Record) -> dict[str, Any]:
-    """A record as columns; reactions as reaction_FACE_x, moments as moment_FACE_x and so on."""
-    row: dict[str, Any] = {}
-    for name in Record.__dataclass_fields__:
-        value = getattr(record, name)
-        if isinstance(value, dict):
-            for face, parts in value.items():
-                # In 2D a moment is about z.
-                axes = "z" if name == "moment" and len(parts) == 1 else "xyz"
-                row |= {f"{name}_{face}_{axis}": part for axis, part in zip(axes, parts, strict=False)}
-        else:
-            row[name] = value
-    return row
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity and no NaN: null."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _try_folder(folder: Path) -> None:

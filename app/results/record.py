@@ -1,7 +1,12 @@
 """What a run leaves: one record a load step, and how it ended."""
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from elastune.app.body.body import Body
+from elastune.forms.energy import Energy
+from elastune.forms.normalize import linearize
 
 
 @dataclass(frozen=True)
@@ -36,13 +41,27 @@ class Record:
     max_displacement: float = 0.0
     moment: dict[str, list[float]] = field(default_factory=dict)
 
+    def row(self) -> dict[str, Any]:
+        """As columns; reactions as reaction_FACE_x, moments as moment_FACE_x and so on."""
+        row: dict[str, Any] = {}
+        for name in Record.__dataclass_fields__:
+            value = getattr(self, name)
+            if isinstance(value, dict):
+                for face, parts in value.items():
+                    # In 2D a moment is about z.
+                    axes = "z" if name == "moment" and len(parts) == 1 else "xyz"
+                    row |= {f"{name}_{face}_{axis}": part for axis, part in zip(axes, parts, strict=False)}
+            else:
+                row[name] = value
+        return row
+
 
 @dataclass(frozen=True)
 class Failure:
     """Why a run stopped.
 
     Attributes:
-        kind: One word.
+        kind: One word; "interrupted" by a signal.
         message: One line.
         load: The load factor that was not reached.
         diagnosis: What the state looks like where the last attempt ended, and advice: see `results.diagnose`.
@@ -59,6 +78,7 @@ class Summary:
     """What `summary.json` says; scripts rely on its keys.
 
     `materials` are those of regions, by name; `material` is the body's, or of the first region.
+    Its status is "converged", "failed" or "interrupted".
     """
 
     scene: str
@@ -76,5 +96,43 @@ class Summary:
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Nested tables for JSON."""
-        return asdict(self)
+        """Nested tables for JSON, which has no infinity and no NaN: null."""
+        return _finite(asdict(self))
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no infinity and no NaN: null."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def begun(body: Body, name: str) -> Summary:
+    """The summary of a run that has begun."""
+    materials = {region: _material(solid.energy) for region, solid in body.solids.items()}
+    first = next(iter(materials))
+    return Summary(
+        scene=name,
+        status="converged",
+        failure=None,
+        material=materials.get(None, materials[first]),
+        element=body.element,
+        cells=body.geometry.cells_count,
+        dofs=body.size,
+        ranks=body.comm.size,
+        materials={region: entry for region, entry in materials.items() if region is not None},
+    )
+
+
+def _material(energy: Energy) -> dict[str, Any]:
+    """What a summary says of a material."""
+    at_rest = linearize(energy)
+    return {
+        "name": energy.name,
+        "parameters": dict(energy.values),
+        "E": at_rest.youngs_modulus,
+        "nu": at_rest.poissons_ratio,
+        "alpha": 1.0,
+    }

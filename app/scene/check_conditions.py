@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from elastune.app.errors import SceneError
+from elastune.app.errors import SceneError, meant
 from elastune.app.scene.schema import Scene
 from elastune.app.scene.schema.conditions import Components, End, Motions, Point
 from elastune.geometry import face_names
@@ -37,7 +37,8 @@ def _check_names(scene: Scene, ends: list[End]) -> None:
     for end in ends:
         for group, name in end.places:
             if group == "boundary" and known is not None and name not in known:
-                raise SceneError(f"boundary.{name}: unknown face; a {scene.mesh.shape} has {', '.join(known)}")
+                said = meant(name, known, f"a {scene.mesh.shape} has")
+                raise SceneError(f"boundary.{name}: unknown face; {said}")
             if seen.setdefault(name, group) != group:
                 raise SceneError(f"{group}.{name}: {seen[name]}.{name} has that name; results are kept by it")
 

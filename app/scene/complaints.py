@@ -1,10 +1,12 @@
 """Tables of our files, read strictly, and what pydantic has against one, in a line."""
 
-import difflib
+import re
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from elastune.app.errors import meant
 
 
 class Table(BaseModel):
@@ -34,6 +36,8 @@ def complaint(error: ValidationError, data: dict[str, Any], model: type[Table], 
     message = problem["msg"].removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
         message = "expected a table of keys"
+    if kind == "literal_error" and (words := re.findall(r"'([^']*)'", problem["ctx"]["expected"])):
+        message = meant(given, words)
     shown = "" if isinstance(given, dict) else f" = {given!r}"
     return f"{key}{shown}: {message[:1].lower()}{message[1:]}"
 
@@ -65,8 +69,7 @@ def _expected(model: type[Table], keys: list[Any]) -> str:
         owners = [branch for owner in owners for branch in _branches(_within(owner, key))]
     known = [owner for owner in owners if isinstance(owner, type) and issubclass(owner, BaseModel)]
     names = [name for owner in known for name, field in owner.model_fields.items() if not field.exclude]
-    near = difflib.get_close_matches(str(keys[-1]), names, 1)
-    return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(names)}"
+    return meant(keys[-1], names)
 
 
 def _within(annotation: Any, key: Any) -> Any:

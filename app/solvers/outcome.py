@@ -1,11 +1,13 @@
 """How a minimisation ends short, what was spent, and when the time is up."""
 
+import signal
 import time
 from dataclasses import dataclass
 from typing import ClassVar
 
 from mpi4py import MPI
 
+from elastune.app import interrupts
 from elastune.app.body.unknowns import State
 
 
@@ -46,6 +48,15 @@ class OutOfTime(NotConverged):
     """The time limit has passed."""
 
     kind = "time"
+
+
+class Stopped(NotConverged):
+    """A signal asked to stop."""
+
+    kind = "interrupted"
+
+    def __init__(self, number: int, state: State | None = None) -> None:
+        super().__init__(f"stopped by {signal.Signals(number).name}", state)
 
 
 class LeadOn(NotConverged):
@@ -96,7 +107,10 @@ class Deadline:
         """Stops all ranks together.
 
         Raises:
+            Stopped: If a signal asked any of them to.
             OutOfTime: If the time is up on any of them.
         """
+        if number := interrupts.asked(self._comm):
+            raise Stopped(number, state)
         if self._end is not None and self._comm.allreduce(time.monotonic() > self._end):
             raise OutOfTime(f"stopped after the {self._limit:g} s of solve.time_limit", state)

@@ -42,7 +42,7 @@ class Shell(ABC):
         self.body, self.tangent, self.options, self.count = tangent.body, tangent, options, count
         self._deadline, self._balance, self._start = deadline, Balance(tangent.body), tangent.body.state
         self._until: Until = None
-        self._failure: NotConverged | None = None
+        self._failure: NotConverged | KeyboardInterrupt | None = None
         self.snes = PETSc.SNES().create(self.body.comm)
         self.snes.setOptionsPrefix(prefix)
         self.snes.setFunction(self._function, tangent.vector())
@@ -170,7 +170,8 @@ class NewtonShell(Shell):
             self._found = newton.run(monitor, self._until)
             x.array[:] = self._found.values
             snes.setConvergedReason(Reason.CONVERGED_FNORM_RELATIVE)
-        except NotConverged as failure:
+        # PETSc makes an error without a name of any other exception: in a notebook Ctrl-C is to stay what it is.
+        except (NotConverged, KeyboardInterrupt) as failure:
             self._failure = failure
             snes.setConvergedReason(Reason.DIVERGED_LINE_SEARCH)
 

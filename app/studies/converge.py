@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from elastune.app import interrupts
 from elastune.app.batch.process import CaseFailure, answer
 from elastune.app.errors import UserError
 from elastune.app.studies.cases import REFINEMENT, Case, cases, references
@@ -43,8 +44,10 @@ def converge(study: Study, folder: Path, report: Report) -> list[Path]:
         for reference in references(study, case):
             _measure(study, reference, records, report, repeats=1)
     comparison = Comparison(study, found, records)
-    files = [records.table.path, *comparison.write(folder)]
-    return files + draw(study, comparison, folder)
+    # Whole files, whatever signal comes.
+    with interrupts.held():
+        files = [records.table.path, *comparison.write(folder)]
+        return files + draw(study, comparison, folder)
 
 
 def _measure(study: Study, case: Case, records: Records, report: Report, repeats: int | None = None) -> bool:

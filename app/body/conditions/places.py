@@ -10,7 +10,7 @@ from dolfinx import fem, la
 from dolfinx.mesh import entities_to_geometry
 from numpy.typing import NDArray
 
-from elastune.app.errors import UserError
+from elastune.app.errors import UserError, meant
 from elastune.forms.terms import Domain
 from elastune.geometry import Geometry, GeometryError
 
@@ -72,8 +72,8 @@ class Face(Place):
     def nodes(self, geometry: Geometry, V: fem.FunctionSpace) -> Nodes:
         """See `Place`."""
         if self.name not in geometry.faces:
-            known = ", ".join(geometry.faces) or "none; name some in [mesh.faces]"
-            raise UserError(f"{self.key}: unknown face; the mesh has {known}")
+            said = meant(self.name, geometry.faces, "the mesh has") if geometry.faces else "name some in [mesh.faces]"
+            raise UserError(f"{self.key}: unknown face; {said}")
         return fem.locate_dofs_topological(V, geometry.mesh.topology.dim - 1, geometry.facets(self.name))
 
     def centroid(self, geometry: Geometry, V: fem.FunctionSpace) -> NDArray[np.float64]:

@@ -5,8 +5,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
+from elastune.app import interrupts
 from elastune.app.body.unknowns import Array
-from elastune.app.solvers.outcome import Count
+from elastune.app.solvers.outcome import Count, Stopped
 from elastune.app.solvers.tangent import Tangent
 
 
@@ -65,8 +66,11 @@ class LinearSolver:
 
         Raises:
             LinearFailure: If the method broke down for another reason.
+            Stopped: If a signal asked to: what follows may take longest of all.
         """
         body, ksp = self.tangent.body, self.ksp
+        if number := interrupts.asked(body.comm):
+            raise Stopped(number)
         self._b.array[:] = rhs
         ksp.setTolerances(rtol=rtol)
         ksp.solve(self._b, self._y)
