@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from elastune.app import interrupts
 from elastune.app.batch.share import share
 from elastune.app.batch.store import Table
 from elastune.app.errors import SceneError
@@ -66,6 +67,9 @@ def solve(row: Row, limit: float) -> None:
     except SceneError as error:
         row.status, row.reason = "refused", str(error)
     except Exception as error:
+        if interrupts.came():
+            # In the middle of a compilation.
+            raise
         # One case must not end the others; the picture shows it.
         row.status, row.reason = "crashed", f"{type(error).__name__}: {error}"
     row.reason = " ".join(row.reason.split())
