@@ -68,11 +68,12 @@ def lame_pair(E: float, nu: float, mixed: bool = False) -> tuple[float, float]:
         raise MaterialError(f"E: must be a positive number, got {E!r}")
     if mixed and nu == 0.5:
         return _INF, E / 3
-    if nu >= 0.5 and not mixed:
+    if nu == 0.5:
         way_out = 'use element = "P2-P1", or "Q2-P1d" on hexahedra'
         raise MaterialError(f"nu: must be below 0.5 for a displacement formulation, got {nu!r}; {way_out}")
     if not -1 < nu < 0.5:
-        raise MaterialError(f"nu: must be {'at most 0.5' if nu > 0 else 'above -1'}, got {nu!r}")
+        highest = "at most 0.5" if mixed else "below 0.5"
+        raise MaterialError(f"nu: must be {highest if nu > 0 else 'above -1'}, got {nu!r}")
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
@@ -168,6 +169,17 @@ def calibrate(
         MaterialError: If E, ν, a parameter or an option is impossible, the material is stressed at rest, has
             no λ, or leaves its own domain on the way.
     """
+    values, options = material.check(given or {})
+    moduli = [parameter for parameter in material.parameters if parameter.bounds.modulus]
+    if not moduli:
+        raise MaterialError(f"{material.name}: has no modulus to calibrate; expected neither E nor nu")
+    defaults = material.energy(**options)
+    if solve_for is None:
+        scaled = [p.name for p in moduli if not isinstance(p.default, tuple)]
+        usual = material.pair if defaults.has_lambda else scaled
+        for name in usual:
+            if name in values:
+                raise MaterialError(f"{material.name}.{name}: follows from E and nu; give those, or {name}")
     target = np.array(lame_pair(E, nu, mixed))
     incompressible = target[0] == _INF
     if incompressible:
@@ -175,19 +187,9 @@ def calibrate(
             raise MaterialError(f"{material.name}: calibrate must be left out at nu = 0.5, got {solve_for!r}")
         # Any λ would do: in no material does μ_Lamé depend on its weight.
         target[0] = E
-    values, options = material.check(given or {})
-    moduli = [parameter for parameter in material.parameters if parameter.bounds.modulus]
-    if not moduli:
-        raise MaterialError(f"{material.name}: has no modulus to calibrate; expected neither E nor nu")
-    defaults = material.energy(**options)
     modulus = check_rest(defaults).youngs_modulus
     start = defaults.with_values({p.name: _scale(p.default, E / modulus) for p in moduli} | values)
     rest = _RestState(start)
-    if solve_for is None:
-        scaled = [p.name for p in moduli if not isinstance(p.default, tuple)]
-        usual = material.pair if start.has_lambda else scaled
-        for name in set(usual) & set(values):
-            raise MaterialError(f"{material.name}.{name}: follows from E and nu; give those, or {name}")
     if not start.has_lambda:
         if solve_for not in (None, "least"):
             raise MaterialError(f"{material.name}: has no λ part, so no pair to solve for, got {solve_for!r}")

@@ -26,7 +26,7 @@ def tuned_energy(
 
     Args:
         name: Name in the catalogue, or an entry of no catalogue.
-        E: Young's modulus, in the unit of stress; without E and nu the parameters stand as given.
+        E: Young's modulus, in the unit of stress; without E and nu every modulus has to be given.
         nu: Poisson's ratio.
         alpha: Nonlinearity exponent of the whole energy (Chen & Barbič, Eq. 16).
         alpha_lambda: Exponent of the λ part (Eq. 20).
@@ -45,6 +45,9 @@ def tuned_energy(
         missing = "nu" if nu is None else "E"
         raise MaterialError(f"{missing}: missing; expected both E and nu, or neither and all parameters as given")
     if E is None or nu is None:
+        if isinstance(name, str):
+            # Who wrote a formula of their own chose its defaults, in a unit of their own.
+            _check_moduli(material, given, volume)
         energy = material.energy(**given)
         lame_lambda = check_rest(energy).lame_lambda
     else:
@@ -59,3 +62,13 @@ def tuned_energy(
     return with_separate_nonlinearity(
         energy, 1.0 if alpha_lambda is None else alpha_lambda, 1.0 if alpha_mu is None else alpha_mu
     )
+
+
+def _check_moduli(material: Material, given: Mapping[str, Any], volume: str | None) -> None:
+    """Refuses what only E and ν would tell: a default has no unit."""
+    material.check(given)
+    missing = [p.name for p in material.parameters if p.bounds.modulus and p.default != 0 and p.name not in given]
+    if missing:
+        raise MaterialError(f"{material.name}.{missing[0]}: missing; expected E and nu, or every modulus as a parameter")
+    if volume is not None and not material.energy(**given).has_lambda:
+        raise MaterialError(f"volume = {volume!r}: its weight is λ, which {material.name} does not have; give E and nu")

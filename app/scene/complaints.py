@@ -24,7 +24,7 @@ def complaint(error: ValidationError, data: dict[str, Any], model: type[Table], 
         model: What they were to be.
         what: What a file of them is called, e.g. "scene".
     """
-    problem = _most_telling(error.errors(include_url=False))
+    problem = _most_telling(error.errors(include_url=False), data)
     location, kind, given = problem["loc"], problem["type"], problem["input"]
     keys = _keys(location, data, missing=kind == "missing")
     key = ".".join(map(str, keys)) or what
@@ -38,18 +38,24 @@ def complaint(error: ValidationError, data: dict[str, Any], model: type[Table], 
         message = "expected a table of keys"
     if kind == "literal_error" and (words := re.findall(r"'([^']*)'", problem["ctx"]["expected"])):
         message = meant(given, words)
-    shown = "" if isinstance(given, dict) else f" = {given!r}"
+    shown = "" if isinstance(given, dict) or repr(given) in message else f" = {given!r}"
     return f"{key}{shown}: {message[:1].lower()}{message[1:]}"
 
 
-def _most_telling(problems: list[Any]) -> Any:
+def _most_telling(problems: list[Any], data: dict[str, Any]) -> Any:
     """The first; but an unknown key may be why one is missing, and of a union the longest branch says most."""
     unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
     if unknown and problems[0]["type"] == "missing":
         return unknown[0]
-    start = problems[0]["loc"][:-1]
-    of_one = all(problem["loc"][: len(start)] == start for problem in problems)
-    return max(problems, key=lambda problem: len(problem["loc"])) if of_one else problems[0]
+    paths = [_keys(problem["loc"], data, missing=problem["type"] == "missing") for problem in problems]
+    of_one = [(path, problem) for path, problem in zip(paths, problems, strict=True) if _along(path, paths[0])]
+    # Our own words say more than that it is no number.
+    return max(of_one, key=lambda pair: (len(pair[0]), pair[1]["type"] == "value_error"))[1]
+
+
+def _along(path: list[Any], other: list[Any]) -> bool:
+    """Whether one path goes on where the other ends."""
+    return all(one == two for one, two in zip(path, other, strict=False))
 
 
 def _keys(location: tuple[Any, ...], data: Any, missing: bool) -> list[Any]:

@@ -87,8 +87,21 @@ def material_energies(scene: Scene) -> dict[str | None, Any]:
         try:
             energies[region] = energy_of(material, mixed)
         except MaterialError as error:
-            raise SceneError(f"{material_key(region)}: {error}") from None
+            raise SceneError(f"{material_key(region)}: {_reason(scene, material, error)}") from None
     return energies
+
+
+def _reason(scene: Scene, material: Material, error: MaterialError) -> MaterialError | str:
+    """What a material lacks; where "auto" could not take a mixed element, the reason why not."""
+    if scene.solve.element != "auto" or material.nu != 0.5:
+        return error
+    try:
+        energy_of(material, mixed=True)
+    except MaterialError as first:
+        return first
+    keys = ["start"] if scene.start is not None else []
+    keys += [key for key, value, only in unmixed_keys(scene) if value != only]
+    return f"nu: must be below 0.5 with {keys[0]}, which mixed elements do not have, got 0.5" if keys else error
 
 
 def material_energy(scene: Scene) -> Any:
