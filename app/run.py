@@ -1,7 +1,7 @@
 """The one runner: a scene, or a body, from start to end."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
-from elastune.app.errors import UserError, meant
+from elastune.app.errors import SceneError, UserError, meant
 from elastune.app.path.follow import PathFailure, Reached, Step, follow
 from elastune.app.results.diagnose import diagnose
 from elastune.app.results.fields import CELL_FIELDS, Fields
 from elastune.app.results.folder import Outputs, RunFolder
 from elastune.app.results.measures import Measures
 from elastune.app.results.pictures import curve
+from elastune.app.results.quantities import Probes
 from elastune.app.results.record import Failure, Record, Summary, begun
 from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
@@ -65,6 +66,7 @@ class Run:
         name: str = "body",
         reason: str = "",
         progress: Progress | None = None,
+        points: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
         """Solves nothing yet.
 
@@ -76,11 +78,16 @@ class Run:
             name: What people call it.
             reason: Why the element was chosen.
             progress: Told how it goes.
+            points: Places at rest by name, whose displacements are recorded.
+
+        Raises:
+            UserError: If a point lies outside the body.
         """
         self.body, self.options = body, options or Options()
         self._start, self._steps, self.reason = start, steps, reason
         self.progress = progress or Progress()
         self.summary = begun(body, name)
+        self._probes = Probes(body.u, points or {}, "output.points")
         self._records, self._begun = self._solve(), False
 
     def __iter__(self) -> Iterator[Record]:
@@ -99,14 +106,19 @@ class Run:
     def history(self) -> dict[str, Array]:
         """The records so far as arrays by quantity, shape (n,); of a run that was not iterated, all of them.
 
-        `reaction_FACE`, the force of a face that holds, is of shape (n, d), `moment_FACE` (n, 3), or (n, 1) in 2D.
+        `reaction_FACE`, the force of a face that holds, is of shape (n, d), `moment_FACE` (n, 3), or (n, 1) in 2D,
+        `displacement_POINT` (n, d).
         """
         records = self._reached().summary.steps
-        names = [name for name in Record.__dataclass_fields__ if name not in ("reaction", "moment")]
+        places = {
+            **dict.fromkeys(("reaction", "moment"), self._measures.places),
+            "displacement": self._probes.names,
+        }
+        names = [name for name in Record.__dataclass_fields__ if name not in places]
         columns = {name: np.array([getattr(record, name) for record in records]) for name in names}
-        for name in ("reaction", "moment"):
-            for face in self._measures.places:
-                columns[f"{name}_{face}"] = np.array([getattr(record, name)[face] for record in records])
+        for name in places:
+            for place in places[name]:
+                columns[f"{name}_{place}"] = np.array([getattr(record, name)[place] for record in records])
         return columns
 
     def fields(self, *names: str) -> dict[str, Array]:
@@ -178,6 +190,7 @@ class Run:
             name=reached.name,
             max_displacement=measures.largest_displacement(),
             moment=measures.moments(),
+            displacement=self._probes.displacements(),
         )
 
 
@@ -188,8 +201,11 @@ def start(scene: Scene, comm: MPI.Comm = MPI.COMM_WORLD, progress: Progress | No
         UserError: If the scene is impossible.
     """
     body, reason = build.build(scene, comm)
-    name = scene.name
-    run = Run(body, build.options(scene), build.start(scene), build.steps(scene), name, reason, progress)
+    way = build.options(scene), build.start(scene), build.steps(scene)
+    try:
+        run = Run(body, *way, scene.name, reason, progress, scene.output.points)
+    except UserError as error:
+        raise SceneError(f"{scene.name}.toml: {error}") from None
     for region, given in scene.materials.items():
         entry = run.summary.material if region is None else run.summary.materials[region]
         entry |= {"name": given.name, "alpha": 1.0 if given.alpha is None else given.alpha}
@@ -214,7 +230,7 @@ def run(
         UserError: If the scene or the folder is impossible; nothing has been written then.
     """
     began = time.perf_counter()
-    outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.picture)
+    outputs = Outputs(scene.title or scene.name, tuple(scene.output.fields), scene.output.average, scene.output.picture)
     results = RunFolder(folder, outputs, comm)
     solving = start(scene, comm, progress)
     # What is begun is brought to a whole end, whatever signal comes; it begins on all ranks or on none.

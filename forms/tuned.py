@@ -69,6 +69,6 @@ def _check_moduli(material: Material, given: Mapping[str, Any], volume: str | No
     material.check(given)
     missing = [p.name for p in material.parameters if p.bounds.modulus and p.default != 0 and p.name not in given]
     if missing:
-        raise MaterialError(f"{material.name}.{missing[0]}: missing; expected E and nu, or every modulus as a parameter")
+        raise MaterialError(f"{material.name}.{missing[0]}: missing; expected E and nu, or every modulus of it")
     if volume is not None and not material.energy(**given).has_lambda:
-        raise MaterialError(f"volume = {volume!r}: its weight is λ, which {material.name} does not have; give E and nu")
+        raise MaterialError(f"volume = {volume!r}: its weight is λ, which {material.name} lacks; give E and nu")

@@ -18,6 +18,7 @@ STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}
 SCENE = ["run", "cube-twist", "--set", "mesh.cells=8", "--set", "solve.steps=10"]
 # Ten moments of a run on each number of ranks, of its share of the time without a signal.
 MOMENTS = [0.04, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.82, 0.93]
+MIXED = [*SCENE, "--set", "solve.element=Q2-P1d", "--set", "material.nu=0.5"]
 HUGE = ["run", "cube-twist", "--set", "mesh.cells=26", "--set", "solve.linear=direct", "--set", "output.picture=false"]
 
 
@@ -110,11 +111,14 @@ def test_a_second_signal_ends_at_once(ranks: int, tmp_path: Path) -> None:
     assert status in (130, -signal.SIGKILL) and seconds < 2
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_compilation_leaves_no_lock(ranks: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("words", "ranks"),
+    [(MIXED, 1), (MIXED, 2), (["converge", "mms"], 1), (["stress"], 2)],
+    ids=["run", "2", "study", "stress"],
+)
+def test_a_compilation_leaves_no_lock(words: list[str], ranks: int, tmp_path: Path) -> None:
     """A lock that stays makes the next run wait, and fail."""
     kernels = tmp_path / "cache/fenics"
-    words = [*SCENE, "--set", "solve.element=Q2-P1d", "--set", "material.nu=0.5"]
     command = Command(tmp_path, *words, ranks=ranks, XDG_CACHE_HOME=str(tmp_path / "cache"))
     for _ in range(3000):
         time.sleep(0.02)
@@ -122,7 +126,8 @@ def test_a_compilation_leaves_no_lock(ranks: int, tmp_path: Path) -> None:
             break
     command.process.send_signal(signal.SIGTERM)
     status, seconds, lines = command.ended()
-    assert (status, set(lines)) == (143, {"elastune: interrupted: nothing was written"}) and seconds < 10
+    assert status == 143 and seconds < 10
+    assert len(set(lines)) == 1 and lines[0].startswith("elastune: interrupted: "), lines
     assert [path for path in kernels.glob("*.c") if not Path(f"{path}.cached").exists()] == []
     assert not list(kernels.glob(".elastune-*"))
 

@@ -9,6 +9,7 @@ import resource
 import subprocess
 import sys
 import typing
+import xml.etree.ElementTree as xml
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from dolfinx.mesh import entities_to_geometry
 from mpi4py import MPI
+from scipy.linalg import logm
 
 from elastune.app.body.body import Body
 from elastune.app.body.conditions.loads import BodyForce, Pressure, Pull
@@ -36,6 +38,7 @@ from elastune.forms.materials import make
 from elastune.geometry import build
 
 ALL = ["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress"]
+ALL += ["max_principal", "pk1", "log_strain"]
 LAM, MU = 0.7, 0.4
 SHEARED = np.array([[1.3, 0.2, -0.1], [0.05, 0.8, 0.3], [0.1, -0.2, 1.1]])
 
@@ -93,6 +96,9 @@ def _neo_hookean(F: np.ndarray) -> dict[str, Any]:
         "energy": MU / 2 * (np.trace(C) - 3) - MU * math.log(J) + LAM / 2 * math.log(J) ** 2,
         "stress": sigma,
         "pressure": -np.trace(sigma) / 3,
+        "max_principal": principal[-1],
+        "pk1": J * sigma @ np.linalg.inv(F).T,
+        "log_strain": logm(F @ F.T).real / 2,
         "von_mises": math.sqrt(sum((principal[i] - principal[i - 1]) ** 2 for i in range(3)) / 2),
     }
 
@@ -118,10 +124,41 @@ def test_fields_of_a_uniform_deformation(cell: str, order: int, degree: int) -> 
         values = cells[name]
         assert len(values) == _count(mesh)
         np.testing.assert_allclose(values, np.broadcast_to(expected, values.shape), atol=2e-12, err_msg=name)
+        nodes = fields.averages([name])[name]
+        assert len(nodes) == len(mesh.geometry.x)
+        np.testing.assert_allclose(nodes, np.broadcast_to(expected, nodes.shape), atol=2e-12, err_msg=name)
     np.testing.assert_allclose(fields.displacement(), mesh.geometry.x @ (F - np.eye(3)).T, atol=1e-13)
     corners = [x for x in mesh.geometry.x if set(x) <= {0.0, 1.0}]
     largest = max(np.linalg.norm((F - np.eye(3)) @ x) for x in corners)
     assert Measures(body).largest_displacement() == pytest.approx(largest, abs=1e-13)
+
+
+def averaged(comm: Any) -> None:
+    """J = 1 + x²/2 on cells cut at x = 1/2: nodes at the ends have a cell's mean, those between the mean of both."""
+    body = _deformed("hexahedron", 1, 3, np.eye(3), comm)
+    _bend(body, lambda X: np.column_stack([X[:, 0] ** 3 / 6, 0 * X[:, 1:]]))
+    x, found = body.geometry.mesh.geometry.x, Fields(body).averages(["J", "stretches"])
+    owned = x[: body.geometry.mesh.geometry.index_map().size_local, 0]
+    ends = {0.0: 1 + 1 / 24, 0.5: 1 + 1 / 6, 1.0: 1 + 7 / 24}
+    np.testing.assert_allclose(found["J"], [ends[place] for place in owned], rtol=1e-12)
+    np.testing.assert_allclose(found["stretches"][:, 0], found["J"], rtol=1e-12)
+
+
+def test_averages_at_nodes() -> None:
+    averaged(MPI.COMM_SELF)
+
+
+@pytest.mark.parallel
+def test_averages_on_all_ranks() -> None:
+    averaged(MPI.COMM_WORLD)
+
+
+def test_averages_are_written(tmp_path: Path) -> None:
+    outputs = Outputs(fields=("displacement", "J", "region"), average=True, picture=False)
+    RunFolder(tmp_path, outputs, MPI.COMM_SELF).start(_deformed("tetrahedron", 1, 1, SHEARED))
+    attributes = xml.parse(tmp_path / "fields.xdmf").iter("Attribute")
+    centers = {entry.get("Name"): entry.get("Center") for entry in attributes}
+    assert centers == {"displacement": "Node", "J": "Node", "region": "Cell"}
 
 
 def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,7 +174,7 @@ def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_average_of_J_is_the_ratio_of_volumes(monkeypatch: pytest.MonkeyPatch) -> None:
     """On curved cells, whose points carry different volumes, and in several blocks."""
-    monkeypatch.setattr("elastune.app.results.fields.BLOCK", 100)
+    monkeypatch.setattr("elastune.app.results.fields.whole.BLOCK", 100)
     geometry = build(MPI.COMM_SELF, shape="cylinder", size=[0.5, 1.0], cells=4, order=2)
     body = Body(geometry, make("neo-hookean"), "Q2", {"bottom": Clamp()}, quadrature=8)
     mesh = geometry.mesh
@@ -264,7 +301,7 @@ def test_one_grid_a_step_and_the_mesh_only_once(tmp_path: Path) -> None:
     _write(tmp_path, _deformed("hexahedron", 1, 1, SHEARED))
     collection = ET.parse(tmp_path / "fields.xdmf").find("Domain/Grid[@CollectionType='Temporal']")
     assert collection is not None
-    assert [len(grid.findall("Attribute")) for grid in collection] == [7, 7, 7]
+    assert [len(grid.findall("Attribute")) for grid in collection] == 3 * [len(ALL)]
     assert sorted(os.listdir(tmp_path / "fields")) == ["0000.h5", "0001.h5", "0002.h5", "mesh.h5"]
     with h5py.File(tmp_path / "fields" / "mesh.h5") as file:
         assert set(file) == {"points", "cells"}
@@ -274,6 +311,7 @@ PARALLEL = """
 import sys
 from pathlib import Path
 from mpi4py import MPI
+from scipy.linalg import logm
 sys.path.insert(0, sys.argv[1])
 import test_output as t
 comm, folder = MPI.COMM_WORLD, Path(sys.argv[2])
@@ -414,7 +452,7 @@ def test_text_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytes
 # ---------------------------------------------------------------- the folder of a run
 
 
-OUTPUTS = Outputs("pulled", ("displacement", "von_mises"), False)
+OUTPUTS = Outputs("pulled", ("displacement", "von_mises"), picture=False)
 
 
 def _record(number: int, load: float, d: int = 3) -> Record:

@@ -20,7 +20,7 @@ from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.errors import SceneError
 from elastune.app.results import xdmf
-from elastune.app.results.fields import Fields
+from elastune.app.results.fields import CELL_FIELDS, Fields
 from elastune.app.results.files import GrowingText, aside, remove, replace_text
 from elastune.app.results.machine import peak_memory_mb, versions
 from elastune.app.results.pictures import curve, picture
@@ -45,11 +45,13 @@ class Outputs:
     Attributes:
         title: Above the curve.
         fields: Names of `CELL_FIELDS`, and "displacement".
+        average: Whether fields of cells are averaged to the nodes.
         picture: Whether curve and deformed body are drawn.
     """
 
     title: str = ""
     fields: tuple[str, ...] = ("displacement",)
+    average: bool = False
     picture: bool = True
 
 
@@ -127,8 +129,11 @@ class RunFolder:
         asked, nodes, whole = self._outputs.fields, {}, self._whole
         if "displacement" in asked:
             nodes["displacement"] = whole.nodes_to_root(self._fields.displacement())
-        own = self._fields.cells(name for name in asked if name != "displacement")
+        of_nodes = [name for name in asked if name in CELL_FIELDS] if self._outputs.average else []
+        own = self._fields.cells(name for name in asked if name not in ("displacement", *of_nodes))
+        averages = self._fields.averages(of_nodes) if of_nodes else {}
         cells = {name: whole.cells_to_root(values) for name, values in own.items()}
+        nodes |= {name: whole.nodes_to_root(values) for name, values in averages.items()}
         self._on_root(lambda: self._file.write(time, nodes, cells) if self._file else None)
 
     def _picture_data(self) -> dict[str, Any]:

@@ -25,6 +25,7 @@ class Record:
         number: Of the recorded step, from one on.
         name: Of the part of the load path.
         max_displacement: Largest displacement of a node.
+        displacement: Of each point that was asked for, by its name, along x, y, z.
         moment: Moment of each of these forces about the centroid of its face at rest, about x, y, z; in 2D about z.
     """
 
@@ -40,9 +41,10 @@ class Record:
     name: str = ""
     max_displacement: float = 0.0
     moment: dict[str, list[float]] = field(default_factory=dict)
+    displacement: dict[str, list[float]] = field(default_factory=dict)
 
     def row(self) -> dict[str, Any]:
-        """As columns; reactions as reaction_FACE_x, moments as moment_FACE_x and so on."""
+        """As columns: reaction_FACE_x, moment_FACE_x, displacement_POINT_x and so on."""
         row: dict[str, Any] = {}
         for name in Record.__dataclass_fields__:
             value = getattr(self, name)

@@ -29,7 +29,7 @@ class Quantity(Table):
     """A number that is read off a solution, at full load: exactly one of `reaction` and `at`.
 
     reaction: The force of a held face on the body, `along` an axis, or its moment `about` one through the origin.
-    at: The displacement of the node nearest to this point, `along` an axis.
+    at: The displacement of this point, `along` an axis.
     """
 
     reaction: str | None = None

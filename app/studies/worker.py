@@ -17,9 +17,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from elastune.app import interrupts
 from elastune.app.errors import UserError
 from elastune.app.results.machine import peak_memory_mb
-from elastune.app.results.quantities import at_point, force, moment
+from elastune.app.results.quantities import Probes, force, moment
 from elastune.app.run import Run, start
 from elastune.app.scene.build import options
 from elastune.app.scene.read import parse
@@ -145,7 +146,7 @@ def _values(
     for name, quantity in quantities.items():
         axis = "xyz".index(quantity.along or quantity.about or "")
         if quantity.at is not None:
-            found[name] = float(at_point(u, quantity.at)[axis])
+            found[name] = Probes(u, {name: quantity.at}, "quantities").displacements()[name][axis]
         else:
             total = force if quantity.along else moment
             found[name] = float(total(u, forces, faces[quantity.reaction or ""])[axis])
@@ -166,6 +167,8 @@ def main(request: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
+    # Who is given up in the middle of a compilation must not leave its lock behind.
+    interrupts.listen(lambda: os._exit(128 + interrupts.came()))
     try:
         main(json.loads(sys.argv[1]))
     except Exception:

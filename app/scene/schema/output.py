@@ -7,6 +7,20 @@ from pydantic import Field
 from elastune.app.scene.complaints import Table
 from elastune.app.scene.schema.types import PositiveFloat, Vector
 
+FieldName = Literal[
+    "displacement",
+    "J",
+    "von_mises",
+    "pressure",
+    "stretches",
+    "energy",
+    "stress",
+    "max_principal",
+    "pk1",
+    "log_strain",
+    "region",
+]
+
 
 class Start(Table):
     """The shape from which the first load step sets out, instead of the body at rest.
@@ -27,7 +41,11 @@ class Start(Table):
 class Output(Table):
     """What is written beside `summary.json` and `history.csv`."""
 
-    fields: list[Literal["displacement", "J", "von_mises", "pressure", "stretches", "energy", "stress", "region"]] = [
-        "displacement"
-    ]
+    fields: list[FieldName] = Field(default=["displacement"], description="what fields.xdmf holds")
+    average: bool = Field(
+        default=False, description="fields of cells at the nodes instead, as means of the cells around by volume"
+    )
+    points: dict[str, Vector] = Field(
+        default={}, description="places at rest by name, whose displacements history.csv and summary.json tell; length"
+    )
     picture: bool = True

@@ -1,15 +1,17 @@
-"""The fields a scene may ask for: displacement at the nodes, everything else one value a cell."""
+"""The fields of a body: displacement at the nodes, everything else one value a cell, or averaged to the nodes."""
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.mesh import entities_to_geometry
 from numpy.typing import NDArray
 
 from elastune.app.body.body import Body
+from elastune.app.results.fields.local import CELL_FIELDS, Samples
 from elastune.forms import response
 from elastune.forms.terms import mixed_response
 
@@ -17,92 +19,6 @@ Array = NDArray[Any]
 
 # Points evaluated at once: bounds the memory that they take.
 BLOCK = 2**15
-
-
-class Samples:
-    """The state at n points; what is derived from it is computed when first asked for.
-
-    Attributes:
-        H: Displacement gradients, shape (n, 3, 3).
-    """
-
-    def __init__(self, H: Array, respond: Callable[[Array], tuple[Array, Array]]) -> None:
-        """Takes the state.
-
-        Args:
-            H: Displacement gradients, shape (n, 3, 3).
-            respond: ψ, shape (n,), and P, shape (n, 3, 3), from H.
-        """
-        self.H = H
-        self._respond = respond
-
-    @cached_property
-    def F(self) -> Array:
-        """Deformation gradient, shape (n, 3, 3)."""
-        return np.eye(3) + self.H
-
-    @cached_property
-    def J(self) -> Array:
-        """Volume ratio, shape (n,)."""
-        return np.linalg.det(self.F)
-
-    @cached_property
-    def response(self) -> tuple[Array, Array]:
-        """ψ, shape (n,), and the first Piola-Kirchhoff stress, shape (n, 3, 3)."""
-        return self._respond(self.H)
-
-    @cached_property
-    def cauchy(self) -> Array:
-        """Cauchy stress P Fᵀ / J, shape (n, 3, 3)."""
-        return self.response[1] @ self.F.transpose(0, 2, 1) / self.J[:, None, None]
-
-
-CELL_FIELDS: dict[str, Callable[[Samples], Array]] = {}
-
-
-def _cell_field(function: Callable[[Samples], Array]) -> Callable[[Samples], Array]:
-    CELL_FIELDS[function.__name__] = function
-    return function
-
-
-@_cell_field
-def J(at: Samples) -> Array:
-    """Volume ratio; the average over a cell is its deformed over its rest volume."""
-    return at.J
-
-
-@_cell_field
-def von_mises(at: Samples) -> Array:
-    """Von Mises stress of the Cauchy stress."""
-    mean = np.trace(at.cauchy, axis1=1, axis2=2) / 3
-    deviator = at.cauchy - mean[:, None, None] * np.eye(3)
-    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-
-
-@_cell_field
-def pressure(at: Samples) -> Array:
-    """Minus the mean of the Cauchy stress's diagonal."""
-    return -np.trace(at.cauchy, axis1=1, axis2=2) / 3
-
-
-@_cell_field
-def stretches(at: Samples) -> Array:
-    """Principal stretches, largest first; the last is negative where the cell is inverted."""
-    values = np.linalg.svd(at.F, compute_uv=False)
-    values[:, 2] = np.copysign(values[:, 2], at.J)
-    return values
-
-
-@_cell_field
-def energy(at: Samples) -> Array:
-    """Strain energy per rest volume."""
-    return at.response[0]
-
-
-@_cell_field
-def stress(at: Samples) -> Array:
-    """Cauchy stress, 3 by 3."""
-    return at.cauchy
 
 
 class Fields:
@@ -170,6 +86,30 @@ class Fields:
                     values = values.reshape(*volumes.shape, *values.shape[1:])
                     parts[name].append(np.einsum("cp,cp...->c...", shares, values))
         return {name: np.concatenate(blocks) for name, blocks in parts.items()} | regions
+
+    def averages(self, names: Iterable[str]) -> dict[str, Array]:
+        """Fields of the cells at the mesh's nodes that this rank owns: means of the cells around, by volume at rest.
+
+        Where materials meet, over the cells of both. Collective.
+
+        Args:
+            names: Keys of `CELL_FIELDS`.
+
+        Returns:
+            Arrays of shape (nodes,), (nodes, 3) or (nodes, 3, 3).
+        """
+        points, geometry = self._body.quadrature_points, self._mesh.geometry
+        nodes, volumes = geometry.dofmap[points.owned], points.volumes().reshape(-1, points.count).sum(axis=1)
+        found = {}
+        for name, values in self.cells(names).items():
+            rows = np.column_stack([np.ones(len(values)), values.reshape(len(values), math.prod(values.shape[1:]))])
+            sums = la.vector(geometry.index_map(), rows.shape[1])
+            totals = sums.array.reshape(-1, rows.shape[1])
+            np.add.at(totals, nodes, (volumes[:, None] * rows)[:, None, :])
+            sums.scatter_reverse(la.InsertMode.add)
+            owned = totals[: geometry.index_map().size_local]
+            found[name] = (owned[:, 1:] / owned[:, :1]).reshape(-1, *values.shape[1:])
+        return found
 
     def _regions(self) -> NDArray[np.int32]:
         """Of each cell the place of its region among those with a material of their own, from one; zero without."""
