@@ -86,6 +86,22 @@ def _run(options: Any, petsc: list[str]) -> int:
 def _scenes(options: Any, petsc: list[str]) -> int:
     from elastune.app.scene.read import load, shipped
 
+    if options.keys:
+        from elastune.app.cli.console import console
+        from elastune.app.scene.keys import keys
+
+        for key in keys():
+            unit = f" [{key.unit}]" if key.unit else ""
+            console().print(f"{key.path} = {key.default}", style="bold", markup=False)
+            console().print(f"    {key.meaning}{unit}: {key.kind}", markup=False)
+        return OK
+    if options.schema:
+        import json
+
+        from elastune.app.scene.keys import schema
+
+        print(json.dumps(schema(), indent=2, ensure_ascii=False))
+        return OK
     for name in shipped():
         scene = load(name)
         print(f"{name:20} {scene.title}")

@@ -40,7 +40,10 @@ def parser(benches: Iterable[str]) -> argparse.ArgumentParser:
     _overrides(command, "replace a key of the scene, e.g. material.alpha=0.5; may be repeated")
     command.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: results/SCENE)")
 
-    commands.add_parser("scenes", help="list the shipped scenes")
+    command = commands.add_parser("scenes", help="list the shipped scenes, or the keys of a scene")
+    shown = command.add_mutually_exclusive_group()
+    shown.add_argument("--keys", action="store_true", help="every key of a scene: default, kind, meaning and unit")
+    shown.add_argument("--schema", action="store_true", help="the JSON schema of a scene, for editors")
 
     command = commands.add_parser(
         "materials",

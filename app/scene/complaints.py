@@ -72,7 +72,7 @@ def _expected(model: type[Table], keys: list[Any]) -> str:
     """What an unknown key may have been meant for."""
     owners: list[Any] = [model]
     for key in keys[:-1]:
-        owners = [branch for owner in owners for branch in _branches(_within(owner, key))]
+        owners = [branch for owner in owners for branch in branches(_within(owner, key))]
     known = [owner for owner in owners if isinstance(owner, type) and issubclass(owner, BaseModel)]
     names = [name for owner in known for name, field in owner.model_fields.items() if not field.exclude]
     return meant(keys[-1], names)
@@ -86,10 +86,10 @@ def _within(annotation: Any, key: Any) -> Any:
     return None if field is None else field.annotation
 
 
-def _branches(annotation: Any) -> list[Any]:
+def branches(annotation: Any) -> list[Any]:
     """The annotations that a union is made of."""
     if get_origin(annotation) is Annotated:
-        return _branches(get_args(annotation)[0])
+        return branches(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):
-        return [found for branch in get_args(annotation) for found in _branches(branch)]
+        return [found for branch in get_args(annotation) for found in branches(branch)]
     return [annotation]

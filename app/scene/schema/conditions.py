@@ -68,7 +68,7 @@ class Motions(Table):
         default=None,
         description="prescribed displacement, all of it or { x = … }: numbers or expressions; length",
     )
-    roller: Axes | None = Field(default=None, description="axes along which it does not move; –")
+    roller: Axes | None = Field(default=None, description="axes along which it does not move")
 
     @model_validator(mode="after")
     def _some(self) -> Self:

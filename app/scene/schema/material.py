@@ -13,16 +13,22 @@ from elastune.forms.volumetric import split
 class Material(Table):
     """The energy, calibrated to E and ν before the run; without them the parameters stand as given."""
 
-    name: str
-    E: Finite | None = None
-    nu: Finite | None = None
-    alpha: Finite | None = None
-    alpha_lambda: Finite | None = None
-    alpha_mu: Finite | None = None
-    volume: str | None = None
-    parameters: dict[str, Any] = {}
-    calibrate: str | list[str] | None = None
-    extension: Annotated[float, Field(gt=0, le=0.9)] | None = None
+    name: str = Field(description="of the catalogue: elastune materials")
+    E: Finite | None = Field(default=None, description="Young's modulus at rest; stress")
+    nu: Finite | None = Field(default=None, description="Poisson's ratio at rest; –")
+    alpha: Finite | None = Field(default=None, description="nonlinearity: the same at rest, stiffer when stretched; –")
+    alpha_lambda: Finite | None = Field(default=None, description="nonlinearity of the λ part alone; –")
+    alpha_mu: Finite | None = Field(default=None, description="nonlinearity of the μ part alone; –")
+    volume: str | None = Field(default=None, description="material whose λ part is taken instead")
+    parameters: dict[str, Any] = Field(
+        default={}, description="parameters and options of the formula; moduli follow from E and nu; stress or –"
+    )
+    calibrate: str | list[str] | None = Field(
+        default=None, description='the two parameters that E and nu determine, or "least" change of all'
+    )
+    extension: Annotated[float, Field(gt=0, le=0.9)] | None = Field(
+        default=None, description="stretch below which the energy goes on as a polynomial, to survive inversion; –"
+    )
 
 
 class Region(Table):

@@ -31,11 +31,11 @@ class Start(Table):
     rest, from start to end.
     """
 
-    shape: Literal["scramble", "plane", "line", "point", "inside-out"]
-    seed: Annotated[int, Field(ge=0)] = 0
-    volume: PositiveFloat = 2.0
-    axis: Literal["x", "y", "z"] = "x"
-    pins: list[Vector] = []
+    shape: Literal["scramble", "plane", "line", "point", "inside-out"] = Field(description="where the nodes are first")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="of the random places of a scramble; –")
+    volume: PositiveFloat = Field(default=2.0, description="of a scramble's box over that around the body; –")
+    axis: Literal["x", "y", "z"] = Field(default="x", description="across the plane, or along the line")
+    pins: list[Vector] = Field(default=[], description="points whose nodes stay where they are at rest; length")
 
 
 class Output(Table):
@@ -48,4 +48,4 @@ class Output(Table):
     points: dict[str, Vector] = Field(
         default={}, description="places at rest by name, whose displacements history.csv and summary.json tell; length"
     )
-    picture: bool = True
+    picture: bool = Field(default=True, description="whether curve and deformed body are drawn")

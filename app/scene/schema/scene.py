@@ -19,9 +19,9 @@ from elastune.forms.normalize import linearize
 class Scene(Table):
     """One file, one run."""
 
-    title: str = ""
-    mesh: Mesh = Mesh()
-    solve: Solve = Solve()
+    title: str = Field(default="", description="what lists and pictures call it")
+    mesh: Mesh = Field(default=Mesh(), description="the body at rest")
+    solve: Solve = Field(default=Solve(), description="how it is solved")
     material: Material | None = Field(
         default=None, description="of the body, and of regions without one; needed unless every cell lies in one with"
     )
@@ -35,8 +35,8 @@ class Scene(Table):
     stage: list[Stage] = Field(
         default=[], description="parts of the load path, one after the other; load counts on, 1, 2, …"
     )
-    start: Start | None = None
-    output: Output = Output()
+    start: Start | None = Field(default=None, description="a shape to set out from, instead of the body at rest")
+    output: Output = Field(default=Output(), description="what is written beside summary.json and history.csv")
     name: str = Field(default="scene", exclude=True)
 
     @property
