@@ -73,8 +73,8 @@ def test_scene_repeats(solved: Callable[..., dict[str, Any]], tmp_path: Path) ->
     ("kind", "mesh", "message"),
     [
         ("no groups", "", "boundary.foot: unknown face; the mesh has 1, 2, 3"),
-        ("no groups", 'faces = { foot = { plane = "x", at = 9.0 } }', "mesh: faces.foot = .*: no facet lies there"),
-        ("no groups", "faces = { foot = { tag = 99 } }", "mesh: foot = {tag = 99}: no group of surfaces"),
+        ("no groups", 'faces = { foot = { plane = "x", at = 9.0 } }', r"mesh\.faces\.foot = .*: no facet lies there"),
+        ("no groups", "faces = { foot = { tag = 99 } }", "mesh.faces.foot = {tag = 99}: no group of surfaces"),
         ("no groups", 'faces = { foot = { plane = "x" } }', "mesh.faces.foot.at: missing; expected the plane's place"),
         (
             "no groups",

@@ -146,7 +146,7 @@ def test_numbers_of_a_file(tmp_path: Path) -> None:
         ({"a": 3}, "faces.a = 3: expected a selector"),
         ({"a": {"tag": 1, "all": True}}, "faces.a: expected one of .*, got tag and all"),
         ({"a": {"tag": 0}}, "faces.a.tag = 0: expected the number of a group"),
-        ({"a": {"tag": 9}}, r"a = {tag = 9}: no group of surfaces of cube has this number; there are 1, 2, 3, 4, 5, 6"),
+        ({"a": {"tag": 9}}, r"faces.a = {tag = 9}: no group of surfaces of cube has this number; there are 1, 2, 3"),
         ({"a": {"all": False}}, "faces.a.all = False: expected true"),
         ({"a": {"all": True, "at": 1}}, "faces.a.at: expected only all, tolerance with all"),
         ({"a": {"all": True, "tolerance": -1}}, "faces.a.tolerance = -1: expected a part of the body's extent"),

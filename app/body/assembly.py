@@ -107,7 +107,7 @@ class Assembly:
     def _own_energy(self, term: Term, state: State) -> float:
         if term.linear:
             assert term.factor is not None
-            return float(term.factor.value) * float(self._unit_forces(term) @ self.layout.split(state.values)[0])
+            return float(term.factor.value) * float(self.at_full_load(term) @ self.layout.split(state.values)[0])
         return term.own_energy() + (0.0 if term.energy is None else float(fem.assemble_scalar(term.energy)))
 
     # ------------------------------------------------------------------ forces
@@ -132,13 +132,13 @@ class Assembly:
         for term in terms:
             if term.linear:
                 assert term.factor is not None
-                total += float(term.factor.value) * self._unit_forces(term)
+                total += float(term.factor.value) * self.at_full_load(term)
             elif (own := term.own_forces()) is not None:
                 total += own
         return total
 
-    def _unit_forces(self, term: Term) -> Array:
-        """Forces of a linear term at full load."""
+    def at_full_load(self, term: Term) -> Array:
+        """Forces of a linear term at full load, on this rank's displacements."""
         if term.name not in self._unit:
             own = term.own_forces()
             self._unit[term.name] = self._assembled("u", [term.residual["u"]]) if own is None else own

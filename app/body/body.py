@@ -16,7 +16,7 @@ from elastune.app.body.conditions.load import Setting
 from elastune.app.body.conditions.motions import Condition
 from elastune.app.body.conditions.places import Place
 from elastune.app.body.conditions.stages import Given, staged
-from elastune.app.body.conditions.terms import check, load_terms, steady_terms
+from elastune.app.body.conditions.terms import by_place, check, load_terms, steady_terms
 from elastune.app.body.regions.parts import Parts
 from elastune.app.body.regions.pressures import Pressures
 from elastune.app.body.regions.solids import Solid, Solids, filled, numbered
@@ -121,8 +121,22 @@ class Body:
             *more(fields, domain),
         ]
         self.assembly = Assembly(fields, self.terms, self.layout, self.constraints)
+        self._refuse_no_numbers(setting)
         if complaint is not None:
             self._refuse_pushed(pieces, complaint)
+
+    def _refuse_no_numbers(self, setting: Setting) -> None:
+        """Refuses loads whose expressions are undefined somewhere on their place."""
+        if all(map(self._finite, (term for term in self.terms if term.linear))):
+            return
+        for key, term in by_place(self.stages, setting):
+            # The assembly knows the forces of all such places by the same name.
+            self.assembly.forget()
+            if not self._finite(term):
+                raise UserError(f"{key}: is no number everywhere there")
+
+    def _finite(self, load: Term) -> bool:
+        return self.comm.allreduce(bool(np.isfinite(self.assembly.at_full_load(load)).all()), op=MPI.LAND)
 
     def _refuse_pushed(self, pieces: Sequence[rigid.Piece], complaint: str) -> None:
         """Refuses loads on a body that nothing holds against them."""

@@ -15,6 +15,7 @@ from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError
 from elastune.app.path.follow import Step
 from elastune.app.scene import schema
+from elastune.app.scene.check import of_mesh
 from elastune.app.scene.schema import Scene, energy_of, material_energies, mesh_arguments
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS, Choice
@@ -43,7 +44,7 @@ def build(scene: Scene, comm: MPI.Comm, **changes: Any) -> tuple[Body, str]:
         arguments = _arguments(scene, choice.element, mesh.mesh.geometry.dim) | changes
         return Body(mesh, solids, choice.element, **arguments), choice.reason
     except geometry.GeometryError as error:
-        raise SceneError(f"{scene.name}.toml: mesh: {error}") from None
+        raise SceneError(f"{scene.name}.toml: {of_mesh(error)}") from None
     except (UserError, MaterialError) as error:
         raise SceneError(f"{scene.name}.toml: {error}") from None
 

@@ -62,7 +62,12 @@ def _check_mesh(scene: Scene) -> None:
             arguments.pop("refine")
             make_plan(**arguments)
     except GeometryError as error:
-        raise SceneError(f"mesh.{error}" if str(error).startswith(("faces", "regions")) else f"mesh: {error}") from None
+        raise SceneError(of_mesh(error)) from None
+
+
+def of_mesh(error: GeometryError) -> str:
+    """What is wrong with a mesh, after the key where it stands."""
+    return f"mesh.{error}" if str(error).startswith(("faces.", "regions.")) else f"mesh: {error}"
 
 
 def _check_start(scene: Scene, energies: Mapping[str | None, Any]) -> None:

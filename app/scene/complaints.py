@@ -49,8 +49,9 @@ def _most_telling(problems: list[Any], data: dict[str, Any]) -> Any:
         return unknown[0]
     paths = [_keys(problem["loc"], data, missing=problem["type"] == "missing") for problem in problems]
     of_one = [(path, problem) for path, problem in zip(paths, problems, strict=True) if _along(path, paths[0])]
-    # Our own words say more than that it is no number.
-    return max(of_one, key=lambda pair: (len(pair[0]), pair[1]["type"] == "value_error"))[1]
+    # Our own words say more than that it is no number, and a key that nobody knows more than that one is missing.
+    rank = {"value_error": 2, "extra_forbidden": 1}
+    return max(of_one, key=lambda pair: (len(pair[0]), rank.get(pair[1]["type"], 0)))[1]
 
 
 def _along(path: list[Any], other: list[Any]) -> bool:

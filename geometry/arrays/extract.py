@@ -21,6 +21,9 @@ from elastune.geometry.pieces import pieces
 
 Index = NDArray[np.int64]
 
+# Whose selectors may ask for groups by number: those of cells, and of facets.
+_TABLES = ("regions", "faces")
+
 
 def extract(
     model: Any, path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[int, Mapping[str, int]]
@@ -65,7 +68,7 @@ def extract(
     source, elements = _Source(model, path, family, tags, rows), {}
     for each in range(dim + 1):
         own = [group for group in groups if group.dim == each]
-        known = names_of(path, each, own, asked.get(dim - each, {}), by_entity=each >= dim - 1)
+        known = names_of(path, each, own, asked.get(dim - each, {}), _TABLES[dim - each] if dim - each < 2 else "")
         if known:
             elements[each] = source.named(each, known)
     return Content(

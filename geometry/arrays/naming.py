@@ -10,7 +10,7 @@ from elastune.geometry.errors import GeometryError
 
 
 def names_of(
-    path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[str, int], by_entity: bool
+    path: str | PathLike[str], dim: int, groups: Sequence[Group], asked: Mapping[str, int], table: str
 ) -> dict[str, tuple[int, Group]]:
     """Names of the groups of one dimension, each with a number of its own.
 
@@ -22,7 +22,7 @@ def names_of(
         dim: Dimension.
         groups: All of this dimension.
         asked: Further names, of the physical groups, or else the entities, of these numbers.
-        by_entity: Whether entities are called by their numbers.
+        table: "faces" or "regions", whose entities are called by their numbers; nothing for others.
 
     Raises:
         GeometryError: Two groups have one name, or no group has a number that is asked for.
@@ -37,7 +37,7 @@ def names_of(
             raise GeometryError(f"{path}: expected one physical group {name!r} of {KINDS[dim]}, got two")
         found[name] = group
     for group in groups:
-        if by_entity and not group.physical and group.number not in numbers and not grouped.issuperset(group.entities):
+        if table and not group.physical and group.number not in numbers and not grouped.issuperset(group.entities):
             found.setdefault(str(group.number), group)
 
     known: dict[str, tuple[int, Group]] = {}
@@ -50,17 +50,17 @@ def names_of(
     for name, number in asked.items():
         matching = [group for group in groups if group.number == number]
         if not matching:
-            raise GeometryError(_missing(path, dim, name, number, groups))
+            raise GeometryError(_missing(path, dim, f"{table}.{name} = {{tag = {number}}}", groups))
         group = max(matching, key=lambda group: group.physical)
         if name in known and set(known[name][1].entities) != set(group.entities):
-            what = f"{name} = {{tag = {number}}}"
+            what = f"{table}.{name} = {{tag = {number}}}"
             raise GeometryError(f"{what}: {path} has another {name!r}; expected a name of its own")
         known.setdefault(name, (free, group))
         free += 1
     return known
 
 
-def _missing(path: str | PathLike[str], dim: int, name: str, number: int, groups: Sequence[Group]) -> str:
+def _missing(path: str | PathLike[str], dim: int, what: str, groups: Sequence[Group]) -> str:
     numbers = sorted({group.number for group in groups if group.number})
     there = ", ".join(map(str, numbers[:20])) + (", …" if len(numbers) > 20 else "") if numbers else "none"
-    return f"{name} = {{tag = {number}}}: no group of {KINDS[dim]} of {path} has this number; there are {there}"
+    return f"{what}: no group of {KINDS[dim]} of {path} has this number; there are {there}"

@@ -1,6 +1,6 @@
 """The terms of a body's loads, and what only the mesh can tell of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from elastune.app.body.conditions.load import Load, Setting
@@ -61,7 +61,30 @@ def check(stages: Sequence[Stage], geometry: Geometry) -> None:
                     _check_side(place, condition, geometry)
 
 
-_KEYS = {"Translation": "move", "Pull": "pull", "Spring": "spring.stiffness", "Force": "force", "BodyForce": "force"}
+_KEYS = {
+    "Translation": "move",
+    "Pull": "pull",
+    "NormalPull": "pull.normal",
+    "Spring": "spring.stiffness",
+    "Force": "force",
+    "BodyForce": "force",
+}
+
+
+def by_place(stages: Sequence[Stage], setting: Setting) -> Iterator[tuple[str, Term]]:
+    """The loads that expressions tell, each with its key and as a term of its own."""
+    for stage in stages:
+        for place, conditions in stage.items():
+            for load in conditions:
+                if isinstance(load, Load) and _expressions(load):
+                    key = f"{place.key}.{_KEYS[type(load).__name__]} = {' and '.join(_expressions(load))}"
+                    yield key, type(load).term({place: load}, setting)
+
+
+def _expressions(load: Load) -> list[str]:
+    """As text, those that a load is told by."""
+    entries = [entry for value in vars(load).values() for entry in (value if isinstance(value, Sequence) else [value])]
+    return [repr(entry.text) for entry in entries if isinstance(entry, Expression)]
 
 
 def _check_side(place: Face, condition: Load, geometry: Geometry) -> None:
