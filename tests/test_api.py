@@ -261,7 +261,7 @@ def of_numpy(s: Any, mu: elastune.PositiveModulus = 1.0) -> Any:
         (lambda: elastune.material("fung", 1.0, 0.3, parameters={"mu2": 1}), "unknown parameter 'mu2'"),
         (lambda: elastune.material("fung", 1.0, 0.3, inverts=True), "inverts"),
         (lambda: elastune.material("fung", 1.0, 0.5).psi(I), "below 0.5"),
-        (lambda: elastune.material("fung", 1.0, 0.5).uniaxial([1.1]), "below 0.5"),
+        (lambda: elastune.material("fung", 1.0, 0.5).volumetric([1.1]), "incompressible"),
         (lambda: elastune.material("fung", 1.0, 0.4).uniaxial([-1.1]), "positive stretches"),
         (lambda: elastune.material("fung", 1.0, 0.4).P(np.eye(2)), r"expected shape (..., 3, 3), got (2, 2)"),
         (lambda: elastune.material("fung", 1.0, 0.4).P("F"), "F: expected numbers"),

@@ -15,6 +15,7 @@ FLOORS = [
     {"body"},
     {"solvers"},
     {"path", "results"},
+    {"tuning"},
     {"scene"},
     {"run"},
     {"api", "verify", "batch"},

@@ -16,9 +16,9 @@ from elastune.app.path.follow import follow
 from elastune.app.results.measures import Measures
 from elastune.app.scene.build import options
 from elastune.app.scene.read import parse
+from elastune.app.tuning.response import respond
 from elastune.forms.energy import CATALOGUE
 from elastune.forms.normalize import lame_pair
-from elastune.forms.uniaxial import uniaxial
 
 Tables = dict[str, Any]
 BAR: Tables = {"left": {"roller": ["x"]}, "front": {"roller": ["y"]}, "bottom": {"roller": ["z"]}}
@@ -74,7 +74,7 @@ def test_bar_under_uniaxial_stress(name: str) -> None:
         material["volume"] = "neo-hookean-ogden"
     stretch = 1.3
     bar = scene(material, {**BAR, "right": {"pull": [1.0, 0.0, 0.0]}}, mesh={"cells": 1}, solve={"tolerance": 1e-11})
-    stress, lateral = uniaxial(made(bar).parts[0].energy, [stretch])
+    stress, lateral = respond(made(bar).parts[0].energy, "uniaxial", [stretch])
     pulled = scene(
         material,
         {**BAR, "right": {"pull": [float(stress[0]), 0.0, 0.0]}},
@@ -113,7 +113,7 @@ def test_follower_pressure_is_force_per_deformed_area() -> None:
     boundary = {**BAR, "right": {"pressure": pressure}}
     problem = solved_run(scene({"name": "neo-hookean"}, boundary, solve={"tolerance": 1e-11})).body
     axial, lateral = 1 + mean(problem, "right")[0], 1 + mean(problem, "back")[1]
-    stress, width = uniaxial(problem.parts[0].energy, [axial])
+    stress, width = respond(problem.parts[0].energy, "uniaxial", [axial])
     assert width[0] == pytest.approx(lateral, rel=1e-8)
     assert stress[0] == pytest.approx(-pressure * lateral**2, rel=1e-8)
 

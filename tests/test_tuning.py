@@ -12,13 +12,13 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from elastune.app.cli.catalogue import show, table
+from elastune.app.tuning.response import respond
 from elastune.forms.energy import Energy
 from elastune.forms.evaluation import as_numpy, evaluate
 from elastune.forms.kinematics import PrincipalStretches
 from elastune.forms.materials import CATALOGUE, MaterialError, get, make
 from elastune.forms.normalize import calibrate, lame_pair, linearize
 from elastune.forms.tuning import with_nonlinearity, with_separate_nonlinearity, with_volume
-from elastune.forms.uniaxial import uniaxial
 
 STRETCHY = [name for name, entry in CATALOGUE.items() if entry.objective]
 SPLIT = [name for name in STRETCHY if get(name).energy().has_lambda]
@@ -108,7 +108,7 @@ def test_alpha_does_not_always_stiffen() -> None:
         curvature = at_rest.lame_lambda + 2 * at_rest.lame_mu
         assert third_derivative(energy) + 3 * curvature == pytest.approx(change, abs=1e-12)
     almansi = make("seth-hill", lam=0.0, mu=1.0, alpha=-1.0)
-    pull = [uniaxial(with_nonlinearity(almansi, alpha), [1.5])[0][0] for alpha in (1, 2)]
+    pull = [respond(with_nonlinearity(almansi, alpha), "uniaxial", [1.5])[0][0] for alpha in (1, 2)]
     assert pull == pytest.approx([0.296, 0.165], abs=5e-4)
     s = np.array([1.3, 0.8, 1.1])
     hencky = make("hencky")
@@ -213,7 +213,7 @@ X = np.linspace(0.5, 2.0, 31)
 
 def test_uniaxial_closed_forms() -> None:
     def check(name: str, stress: Any, lateral: Any, **options: Any) -> None:
-        got = uniaxial(calibrate(get(name), E, NU, options), X)
+        got = respond(calibrate(get(name), E, NU, options), "uniaxial", X)
         assert got[0] == pytest.approx(stress, rel=1e-11, abs=1e-13)
         assert got[1] == pytest.approx(lateral, rel=1e-12)
 
@@ -231,10 +231,10 @@ def test_uniaxial_closed_forms() -> None:
 
 def test_uniaxial_neo_hookean() -> None:
     for name in ("neo-hookean", "neo-hookean-ogden"):
-        stress, lateral = uniaxial(calibrate(get(name), E, NU), X)
+        stress, lateral = respond(calibrate(get(name), E, NU), "uniaxial", X)
         # Whatever the function of J: without lateral stress it cancels from the difference of the two.
         assert stress == pytest.approx(LAME[1] * (X - lateral**2 / X), rel=1e-11, abs=1e-13)
-        stress, lateral = uniaxial(calibrate(get(name), 3.0, 0.4999), X)
+        stress, lateral = respond(calibrate(get(name), 3.0, 0.4999), "uniaxial", X)
         assert stress == pytest.approx(X - X**-2.0, rel=1e-3, abs=1e-12)
         assert lateral == pytest.approx(X**-0.5, rel=1e-3)
 
@@ -243,7 +243,7 @@ def test_uniaxial_neo_hookean() -> None:
 def test_uniaxial_has_E_and_nu_at_rest(name: str) -> None:
     energy, step = calibrated(name), 1e-5
     for alpha in (1, 0.5, 2) if name in STRETCHY else (1,):
-        stress, lateral = uniaxial(with_nonlinearity(energy, alpha), [1 + step, 1, 1 - step])
+        stress, lateral = respond(with_nonlinearity(energy, alpha), "uniaxial", [1 + step, 1, 1 - step])
         assert (stress[1], lateral[1]) == (pytest.approx(0, abs=1e-13), pytest.approx(1, abs=1e-13))
         assert (stress[0] - stress[2]) / (2 * step) == pytest.approx(E, rel=1e-7)
         ratio = 0.0 if name in WHOLE else NU
@@ -254,15 +254,15 @@ def test_uniaxial_curves_end_where_equilibrium_does() -> None:
     kirchhoff = calibrate(get("st-venant-kirchhoff"), 1.0, 0.3)
     # w² = 1 - ν (λ² - 1) vanishes at λ² = 1 + 1/ν.
     end = np.sqrt(1 + 1 / 0.3)
-    stress, lateral = uniaxial(kirchhoff, [2.5, 0.9 * end, 1.1])
+    stress, lateral = respond(kirchhoff, "uniaxial", [2.5, 0.9 * end, 1.1])
     assert np.isnan([stress[0], lateral[0]]).all() and np.isfinite([stress[1:], lateral[1:]]).all()
     # Compressed, this one comes to a point where the sides would jump in: a bar's curve ends there.
     jumping = with_nonlinearity(calibrate(get("neo-hookean-bower"), 1.0, 0.3), 2.0)
-    assert np.isnan(uniaxial(jumping, [0.4, 0.62, 0.63, 2.0])[1]).tolist() == [True, True, False, False]
-    assert np.isnan(uniaxial(jumping, [0.62])).all()
+    assert np.isnan(respond(jumping, "uniaxial", [0.4, 0.62, 0.63, 2.0])[1]).tolist() == [True, True, False, False]
+    assert np.isnan(respond(jumping, "uniaxial", [0.62])).all()
     for wrong in ([1.0, 0.0], [-1.0], [np.nan]):
         with pytest.raises(ValueError, match="expected positive stretches"):
-            uniaxial(kirchhoff, wrong)
+            respond(kirchhoff, "uniaxial", wrong)
 
 
 # ---------------------------------------------------------------- what `elastune materials` shows

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elastune.app.api.curves import Curves
 from elastune.forms.energy import Energy, MaterialError, describe
 from elastune.forms.energy import Material as Entry
 from elastune.forms.materials import CATALOGUE, get
 from elastune.forms.normalize import Linearization, linearize
 from elastune.forms.tuned import tuned_energy
-from elastune.forms.uniaxial import uniaxial
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def materials() -> dict[str, Entry]:
 
 
 @dataclass(frozen=True, repr=False)
-class Material:
+class Material(Curves):
     """A material with values of its parameters.
 
     Attributes:
@@ -113,24 +113,6 @@ class Material:
         """
         H, shape = self._gradients(F)
         return _response().second(self.energy, H)[2].reshape(*shape, 3, 3, 3, 3)
-
-    def uniaxial(self, stretches: ArrayLike) -> tuple[Array, Array]:
-        """Nominal stress and lateral stretch of a bar pulled along one axis and free at its sides.
-
-        Args:
-            stretches: Positive stretches along the axis, shape (n,).
-
-        Returns:
-            Two arrays of shape (n,), not a number beyond the end of the curve; see `elastune.forms.uniaxial`.
-
-        Raises:
-            MaterialError: If the material is incompressible, or a stretch is not positive.
-        """
-        self._check_compressible()
-        try:
-            return uniaxial(self.energy, np.atleast_1d(stretches))
-        except ValueError as error:
-            raise MaterialError(f"{self.energy.name}: {error}") from None
 
     def _gradients(self, F: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """F - I as a list, shape (n, 3, 3), and the shape that F is an array of."""

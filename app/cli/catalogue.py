@@ -184,8 +184,8 @@ def _draw(
     import numpy as np
 
     from elastune.app.results.pictures import style
+    from elastune.app.tuning.response import respond
     from elastune.forms.tuning import with_nonlinearity
-    from elastune.forms.uniaxial import uniaxial
 
     E, nu, *_ = achieved
     stretches = np.linspace(*_STRETCHES, 211)
@@ -201,7 +201,7 @@ def _draw(
     figure = style.figure((7, 6))
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
     for label, color, energy in curves:
-        stress, lateral = uniaxial(energy, stretches)
+        stress, lateral = respond(energy, "uniaxial", stretches)
         width = 2.4 if label == "α = 1" else 1.7
         above.plot(stretches, stress / E, color=color, lw=width, label=label)
         below.plot(stretches, lateral, color=color, lw=width)

@@ -1,0 +1,1 @@
+"""Homogeneous tests of materials, and what is fitted to them."""
