@@ -15,6 +15,7 @@ from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError, meant
 from elastune.app.path.follow import PathFailure, Reached, Step, follow
+from elastune.app.results.advice.advise import locked
 from elastune.app.results.diagnose import diagnose
 from elastune.app.results.fields import CELL_FIELDS, Fields
 from elastune.app.results.folder import Outputs, RunFolder
@@ -173,6 +174,8 @@ class Run:
             if not interrupted:
                 found = diagnose(self.body, self.options, failure.state, failure.kind, self._start is not None)
             self.summary.failure = Failure(failure.kind, str(failure), failure.load, found)
+        else:
+            self.summary.locking = locked(self.body, self.options, self._start is not None)
         self.summary.wall_s = time.perf_counter() - began
 
     def _record(self, reached: Reached, seconds: float) -> Record:

@@ -74,6 +74,8 @@ class Screen(Progress):
                 f"({summary.failure.kind})"
             )
             self.console.print(_told(summary.failure.diagnosis))
+        if summary.locking is not None:
+            self.console.print("{message}; {instead}".format(**summary.locking))
         if files:
             self.console.print(f"{summary.wall_s:.1f} s; results in {files[0].parent}: ", end="")
             self.console.print(", ".join(file.name for file in files if file.is_file()))

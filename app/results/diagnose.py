@@ -9,6 +9,7 @@ from elastune.app.body.body import Array, Body
 from elastune.app.body.conditions.loads import BodyForce, Force, Moment, NormalPull, Pull
 from elastune.app.body.regions.parts import Part
 from elastune.app.body.unknowns import State
+from elastune.app.results.advice.advise import Case, advise
 from elastune.app.solvers.options import Options
 from elastune.forms.elements import ELEMENTS
 from elastune.forms.spectral import pointwise, stress
@@ -47,7 +48,7 @@ def diagnose(body: Body, options: Options, state: State | None, kind: str, start
         }
     finally:
         body.take(kept)
-    return found | {"advice": _advice(body, options, started, kind, found)}
+    return found | {"advice": advise(Case(body, options, started, kind, found))}
 
 
 def _shape(body: Body) -> dict[str, Any]:
@@ -157,28 +158,3 @@ def _locking(body: Body) -> str | None:
         return None
     where = "" if part.name is None else f" in region {part.name}"
     return f"{body.element} at nu = {nu:.4g}{where}: the cells have too few motions that keep their volume"
-
-
-def _advice(body: Body, options: Options, started: bool, kind: str, found: dict[str, Any]) -> list[str]:
-    """Next things to try, the most promising first."""
-    advice = []
-    undefined = [part for part in body.parts if not part.energy.inverts and part.extension is None]
-    if kind == "undefined" and undefined:
-        advice.append(f"give {undefined[0].key}.extension = 0.25, which continues the energy through J = 0")
-    if found["unbounded_below"]:
-        advice.append("take another material or a smaller load: this energy has no minimum to find")
-    if found["ellipticity"] < 0:
-        advice.append("take another material: this one loses ellipticity there, and the mesh decides what folds")
-    if found["locking"]:
-        advice.append('set solve.element = "P2" or "Q2", or a mixed one: "P2-P1", "Q2-P1d"')
-    if not body.parts.can_filter:
-        advice.append('set solve.assembly = "spectral", whose tangent can be filtered')
-    if kind == "time":
-        advice.append(f"raise solve.time_limit above {options.time_limit:g} s, or take fewer cells")
-    if kind == "iterations":
-        advice.append(f"raise solve.max_iterations above {options.max_iterations}")
-    if not started and kind != "time":
-        advice.append(f"raise solve.steps above {options.steps}, or lower solve.smallest_step")
-    if options.method == "line-search" and kind in ("stalled", "iterations", "indefinite"):
-        advice.append('set solve.method = "trust-region"')
-    return advice or ["refine the mesh around the worst cells"]

@@ -80,6 +80,7 @@ class Summary:
     """What `summary.json` says; scripts rely on its keys.
 
     `materials` are those of regions, by name; `material` is the body's, or of the first region.
+    `locking` says how much too stiff the mesh makes the body, and what to do `instead`; see `results.advice`.
     Its status is "converged", "failed" or "interrupted".
     """
 
@@ -96,6 +97,7 @@ class Summary:
     peak_memory_mb: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
+    locking: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Nested tables for JSON, which has no infinity and no NaN: null."""
