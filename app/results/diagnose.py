@@ -161,6 +161,8 @@ def _locking(body: Body) -> str | None:
 
 def _advice(body: Body, options: Options, started: bool, kind: str, found: dict[str, Any]) -> list[str]:
     """Next things to try, the most promising first."""
+    if kind == "limit":
+        return ['set solve.follow = "arc", which goes on through limits, or prescribe a motion instead of the load']
     advice = []
     undefined = [part for part in body.parts if not part.energy.inverts and part.extension is None]
     if kind == "undefined" and undefined:
