@@ -178,7 +178,7 @@ def test_a_ball_beyond_its_limit_load(inflated: dict[str, Any]) -> None:
     loads, moved = run.history["load"], run.history["displacement_a"][:, 0]
     assert moved[-1] > 1.5 and loads.argmax() < len(loads) - 2
     for load, u in zip(loads, moved, strict=True):
-        assert load == pytest.approx(inflation(1 + u), rel=1e-3 if u > 0.4 else 5e-3)
+        assert load == pytest.approx(inflation(1 + u), rel=1e-3 if 0.4 < u < 2 else 5e-3)
     (limit,) = run.summary.events
     assert limit.kind == "limit" and limit.load == pytest.approx(LARGEST, rel=1e-3)
     assert brentq(lambda s: inflation(s) - loads[-1], 2, 5) == pytest.approx(1 + moved[-1], rel=5e-3)
