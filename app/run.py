@@ -1,7 +1,7 @@
 """The one runner: a scene, or a body, from start to end."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,38 +14,27 @@ from elastune.app import interrupts
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError, meant
-from elastune.app.path.follow import PathFailure, Reached, Step, follow
+from elastune.app.path.follow import check_follow, follow
+from elastune.app.path.steps import PathFailure, Reached, Step
 from elastune.app.results.advice.advise import locked
 from elastune.app.results.diagnose import diagnose
 from elastune.app.results.fields import CELL_FIELDS, Fields
 from elastune.app.results.folder import Outputs, RunFolder
 from elastune.app.results.measures import Measures
 from elastune.app.results.pictures import curve
+from elastune.app.results.progress import Progress
 from elastune.app.results.quantities import Probes
 from elastune.app.results.record import Failure, Record, Summary, begun
 from elastune.app.scene import build
 from elastune.app.scene.schema import Scene
 from elastune.app.scene.write import text
 from elastune.app.solvers.options import Options
-from elastune.app.solvers.outcome import Stopped
+from elastune.app.solvers.outcome import Event, Stopped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-
-class Progress:
-    """Who is told how a run goes: nobody, unless a subclass listens."""
-
-    def start(self, run: "Run") -> None:
-        """The body is about to be solved."""
-
-    def increment(self, load: float, newton: int) -> None:
-        """A load increment has converged, after so many Newton steps of its recorded step."""
-
-    def step(self, record: Record) -> None:
-        """A step has been recorded."""
 
 
 class Run:
@@ -82,9 +71,10 @@ class Run:
             points: Places at rest by name, whose displacements are recorded.
 
         Raises:
-            UserError: If a point lies outside the body.
+            UserError: If a point lies outside the body, or a branch cannot be followed.
         """
         self.body, self.options = body, options or Options()
+        check_follow(self.options, start is not None, 1 if steps is None else len(steps))
         self._start, self._steps, self.reason = start, steps, reason
         self.progress = progress or Progress()
         self.summary = begun(body, name)
@@ -165,9 +155,11 @@ class Run:
                 record = self._record(reached, now - last)
                 last = now
                 self.summary.steps.append(record)
+                self._tell(reached.events)
                 self.summary.wall_s = now - began
                 yield record
         except PathFailure as failure:
+            self._tell(failure.events)
             interrupted = failure.kind == Stopped.kind
             self.summary.status = "interrupted" if interrupted else "failed"
             found = {}
@@ -177,6 +169,11 @@ class Run:
         else:
             self.summary.locking = locked(self.body, self.options, self._start is not None)
         self.summary.wall_s = time.perf_counter() - began
+
+    def _tell(self, events: Iterable[Event]) -> None:
+        for event in events:
+            self.summary.events.append(event)
+            self.progress.event(event)
 
     def _record(self, reached: Reached, seconds: float) -> Record:
         measures = self._measures
@@ -194,6 +191,7 @@ class Run:
             max_displacement=measures.largest_displacement(),
             moment=measures.moments(),
             displacement=self._probes.displacements(),
+            stable=reached.stable,
         )
 
 

@@ -162,6 +162,9 @@ CAN: dict[str, dict[str, Any]] = {
     "continued": {"material": {"name": "neo-hookean", "E": 1.0, "nu": 0.45, "extension": 0.3}},
     "from elsewhere": {"start": {"shape": "plane"}, "material": {"name": "stable-neo-hookean", "E": 1.0, "nu": 0.45}},
     "under a pressure": {"boundary": {"left": {"fix": True}, "right": {"pressure": 0.1}}},
+    "in two stages": {"stage": [{}, {}]},
+    "by another solver": {"solve": {"linear": "iterative"}},
+    "along an arc": {"solve": {"follow": "arc"}},
     "free": {"boundary": {f: {"pressure": 0.1} for f in ("left", "right")}, "solve": {"free": True}},
     "in a plane": {
         "mesh": {"shape": "square", "cells": 1},

@@ -14,7 +14,8 @@ from scipy.linalg import eigvalsh
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start, started
 from elastune.app.body.unknowns import State
-from elastune.app.path.follow import PathFailure, follow
+from elastune.app.path.follow import follow
+from elastune.app.path.steps import PathFailure
 from elastune.app.results.diagnose import diagnose
 from elastune.app.scene.build import options, start
 from elastune.app.scene.read import load

@@ -10,9 +10,17 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
 from elastune.app.cli.console import console
+from elastune.app.results.progress import Progress
 from elastune.app.results.record import Record, Summary
-from elastune.app.run import Progress, Run
+from elastune.app.run import Run
 from elastune.app.scene.schema import Scene
+from elastune.app.solvers.outcome import Event
+
+EVENTS = {
+    "buckled": "buckled: the state is no longer one of least energy, and others branch off",
+    "snapped": "snapped: the way ended, and the body went to a state far from it",
+    "limit": "limit load: the load is stationary along the branch of equilibria",
+}
 
 
 class Screen(Progress):
@@ -58,6 +66,10 @@ class Screen(Progress):
     def increment(self, load: float, newton: int) -> None:
         """A load increment has converged."""
         self.bar.update(self.task, completed=load)
+
+    def event(self, event: Event) -> None:
+        """The body has buckled, or snapped, or met a limit load."""
+        self.console.print(f"load {event.load:.4g}: {EVENTS[event.kind]}")
 
     def step(self, record: Record) -> None:
         """A step has been recorded."""

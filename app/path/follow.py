@@ -1,79 +1,44 @@
 """The load path: steps that are cut back where the minimiser fails and grow again where it does not."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import Start, started
 from elastune.app.body.unknowns import State
+from elastune.app.errors import UserError
+from elastune.app.path.along import along
 from elastune.app.path.blend import Blend
-from elastune.app.path.predict import predict
 from elastune.app.path.recover import recover
+from elastune.app.path.steps import PathFailure, Reached, Report, Step
+from elastune.app.path.survey import Survey
 from elastune.app.solvers.minimizer import Minimizer
 from elastune.app.solvers.options import Options
-from elastune.app.solvers.outcome import NotConverged, OutOfTime, Stopped
+from elastune.app.solvers.outcome import Event, LimitLoad, NotConverged, OutOfTime, Stopped
 
 
-@dataclass(frozen=True)
-class Step:
-    """A part of the load path.
+def check_follow(options: Options, started: bool, stages: int) -> None:
+    """Whether a branch of equilibria can be followed, if it is to be.
 
-    Attributes:
-        start: Load factor that it sets out from.
-        end: Load factor that it leads to.
-        parts: Recorded steps in it.
-        name: What people call it.
+    Args:
+        options: Of a run.
+        started: Whether it sets out from another shape than that at rest.
+        stages: Parts of its load path.
+
+    Raises:
+        UserError: If not.
     """
-
-    start: float = 0.0
-    end: float = 1.0
-    parts: int = 1
-    name: str = ""
-
-    def goals(self) -> list[float]:
-        """The load factors of the recorded steps."""
-        return [self.start + (self.end - self.start) * number / self.parts for number in range(1, self.parts + 1)]
-
-
-@dataclass(frozen=True)
-class Reached:
-    """A recorded step.
-
-    Attributes:
-        number: From one on.
-        name: Of the part of the path.
-        state: In balance.
-        newton: Newton steps since the one before.
-        linear: Iterations of the linear solver, one a direct solve, since then.
-    """
-
-    number: int
-    name: str
-    state: State
-    newton: int
-    linear: int
-
-    @property
-    def load(self) -> float:
-        """The load factor."""
-        return self.state.load
-
-
-class PathFailure(Exception):
-    """The load path ends before its end.
-
-    Attributes:
-        kind: See `NotConverged`.
-        load: The load that was not reached.
-        state: Where the last attempt stopped, or None.
-    """
-
-    def __init__(self, failure: NotConverged, load: float) -> None:
-        super().__init__(str(failure))
-        self.kind, self.load, self.state = failure.kind, load, failure.state
+    key = f'solve.follow = "{options.follow}"'
+    if options.follow == "minimum":
+        return
+    if started:
+        raise UserError(f"{key}: expected no start: the branch begins with the body at rest")
+    if options.linear == "iterative":
+        raise UserError(f'{key}: expected solve.linear = "auto" or "direct", got "iterative"')
+    if options.follow == "arc" and stages > 1:
+        raise UserError(f"{key}: expected one stage, got {stages}")
 
 
 def follow(
@@ -81,7 +46,7 @@ def follow(
     options: Options,
     start: Start | None = None,
     steps: Sequence[Step] | None = None,
-    report: Callable[[float, int], None] | None = None,
+    report: Report | None = None,
 ) -> Iterator[Reached]:
     """Recorded steps, the body holding each when it is yielded; before a failure the last state that was reached.
 
@@ -90,20 +55,27 @@ def follow(
         options: How it is solved.
         start: A shape to set out from instead of that at rest.
         steps: Parts of the path; one to full load by default.
-        report: Told the load and the Newton steps so far after each increment, also between recorded steps.
+        report: Told how it goes.
 
     Raises:
-        PathFailure: If increments of the smallest size fail, the start, or the time is up.
+        PathFailure: If increments of the smallest size fail, the start, or the time is up; at a limit load.
     """
     minimizer, blend = Minimizer(body, options), Blend(body)
-    count, number = minimizer.count, 0
+    path = steps or [Step(parts=options.steps)]
+    if options.follow != "minimum":
+        assert minimizer.branch is not None
+        yield from along(minimizer, minimizer.branch, path, report)
+        return
+    count, number, survey = minimizer.count, 0, Survey(minimizer, blend)
     state, recorded = State(np.zeros(body.layout.owned)), 0.0
 
     def reached(name: str) -> Reached:
         body.take(state)
-        return Reached(number, name, state, count.newton, count.linear)
+        events = tuple(survey.events)
+        survey.events.clear()
+        return Reached(number, name, state, count.newton, count.linear, survey.stable, events)
 
-    for step in steps or [Step(parts=options.steps)]:
+    for step in path:
         largest = (step.end - step.start) / step.parts
         size = largest
         for goal in step.goals():
@@ -117,15 +89,19 @@ def follow(
                         shape = body.placed(started(body, start), target)
                         state, start = recover(body, minimizer, shape, prove=last), None
                     else:
-                        state = minimizer.minimize(predict(minimizer, blend, state, target), prove=last)
+                        state = survey.increment(state, target, prove=last)
                 except NotConverged as failure:
                     size = (target - state.load) / 2
                     too_small = abs(size) < options.smallest_step * abs(largest)
+                    if isinstance(failure, LimitLoad) and failure.state is not None:
+                        too_small, state = True, failure.state
+                        survey.events.append(Event(state.load, "limit"))
                     if start is not None or isinstance(failure, OutOfTime | Stopped) or too_small:
                         if state.load != recorded:
                             yield reached(step.name)
                         body.take(state)
-                        raise PathFailure(failure, target) from None
+                        load = state.load if isinstance(failure, LimitLoad) else target
+                        raise PathFailure(failure, load, survey.events) from None
                     continue
                 size = math.copysign(min(2 * abs(size), abs(largest)), largest)
                 if report is not None:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from elastune.app.body.body import Body
+from elastune.app.solvers.outcome import Event
 from elastune.forms.energy import Energy
 from elastune.forms.normalize import linearize
 
@@ -25,6 +26,7 @@ class Record:
         number: Of the recorded step, from one on.
         name: Of the part of the load path.
         max_displacement: Largest displacement of a node.
+        stable: Whether the state is a minimum of Π; None where nobody tells.
         displacement: Of each point that was asked for, by its name, along x, y, z.
         moment: Moment of each of these forces about the centroid of its face at rest, about x, y, z; in 2D about z.
     """
@@ -42,6 +44,7 @@ class Record:
     max_displacement: float = 0.0
     moment: dict[str, list[float]] = field(default_factory=dict)
     displacement: dict[str, list[float]] = field(default_factory=dict)
+    stable: bool | None = None
 
     def row(self) -> dict[str, Any]:
         """As columns: reaction_FACE_x, moment_FACE_x, displacement_POINT_x and so on."""
@@ -80,6 +83,7 @@ class Summary:
     """What `summary.json` says; scripts rely on its keys.
 
     `materials` are those of regions, by name; `material` is the body's, or of the first region.
+    `events` are what happened on the way: see `path.steps.Event`.
     `locking` says how much too stiff the mesh makes the body, and what to do `instead`; see `results.advice`.
     Its status is "converged", "failed" or "interrupted".
     """
@@ -97,6 +101,7 @@ class Summary:
     peak_memory_mb: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
     materials: dict[str, dict[str, Any]] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
     locking: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from elastune.app.body.conditions.places import Curve, Everywhere, Face, Pin, Pl
 from elastune.app.body.regions.solids import Solid
 from elastune.app.body.shapes import Start
 from elastune.app.errors import SceneError, UserError
-from elastune.app.path.follow import Step
+from elastune.app.path.steps import Step
 from elastune.app.scene import schema
 from elastune.app.scene.check import of_mesh
 from elastune.app.scene.schema import Scene, energy_of, material_energies, mesh_arguments

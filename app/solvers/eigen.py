@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]
 
-# Iterations, at most and at least, and how much of the eigenvalue its error may be.
-LONGEST, SHORTEST, ACCURACY = 300, 4, 0.2
+# Iterations, at most and at least; how much of the eigenvalue its error may be, and what is zero.
+LONGEST, SHORTEST, ACCURACY, ZERO = 300, 4, 0.2, 2e-5
 
 
 def least(
@@ -38,7 +38,7 @@ def least(
         correction = P(residual)
         error = np.sqrt(abs(dot(residual, correction)))
         settled = previous < 0 and abs(theta - previous) <= 1e-3 * abs(theta)
-        if iteration >= SHORTEST and (settled or error <= ACCURACY * abs(theta)):
+        if iteration >= SHORTEST and (settled or error <= max(ACCURACY * abs(theta), ZERO)):
             break
         previous = theta
         basis = [x, correction, *([] if direction is None else [direction])]

@@ -7,14 +7,17 @@ import numpy as np
 from elastune.app.body.body import Body
 from elastune.app.body.shapes import noise
 from elastune.app.body.unknowns import Array, State
+from elastune.app.solvers.branches.branch import Branch
+from elastune.app.solvers.branches.corrector import Point
 from elastune.app.solvers.globalise.balance import Balance
 from elastune.app.solvers.globalise.escape import escape
+from elastune.app.solvers.linear.direct import Direct
 from elastune.app.solvers.linear.solver import LinearSolver
 from elastune.app.solvers.newton import ladder
 from elastune.app.solvers.options import Options
 from elastune.app.solvers.outcome import Count, Deadline, Indefinite, LeadOn, Saddle
 from elastune.app.solvers.snes import NewtonShell, Until
-from elastune.app.solvers.stability import Stability, random_forces
+from elastune.app.solvers.stability import NEUTRAL, Stability, random_forces
 from elastune.app.solvers.tangent import Tangent
 from elastune.app.solvers.trust_region import TrustRegion
 from elastune.forms.terms import RAW
@@ -39,6 +42,8 @@ class Minimizer:
         count: What was spent.
         tangent: The tangent that steps and predictions share.
         linear: Its solver.
+        saddles: How many saddle points were left on the way to it.
+        proven: Whether the last state that was found is a minimum; None where nobody tells.
     """
 
     def __init__(self, body: Body, options: Options) -> None:
@@ -48,6 +53,8 @@ class Minimizer:
         self.tangent = Tangent(body)
         self._newton = NewtonShell(self.tangent, options, self.count, self._deadline, self._unstable)
         self.linear: LinearSolver = self._newton.linear
+        self.proven: bool | None = None
+        self.saddles = 0
 
     @cached_property
     def _stability(self) -> Stability:
@@ -90,7 +97,33 @@ class Minimizer:
                 return State(layout.joined(guess.values, layout.split(state.values)[1]), load)
         raise Indefinite("the prediction's tangent has negative eigenvalues, however filtered", state)
 
-    def minimize(self, state: State, until: Until = None, patience: float = PATIENCE, prove: bool = False) -> State:
+    @cached_property
+    def branch(self) -> Branch | None:
+        """Of states in balance, if the linear solver factorises."""
+        linear = self.linear
+        return Branch(linear, self.options, self.count, self._deadline) if isinstance(linear, Direct) else None
+
+    def unstable(self, point: Point) -> bool:
+        """Whether a point of a branch is no minimum, by more than rounding; no where nobody counts eigenvalues."""
+        return bool(point.negative) and self._stability.least(point.state)[0] < NEUTRAL
+
+    def off(self, point: Point) -> Point:
+        """The state at the same load on the branch that leads off an unstable point along its softest motion.
+
+        Raises:
+            NotConverged: If there is none that can be followed.
+        """
+        assert self.branch is not None
+        return self.branch.off(point.state, self._stability.valley(point.state), point.state.load)
+
+    def minimize(
+        self,
+        state: State,
+        until: Until = None,
+        patience: float = PATIENCE,
+        prove: bool = False,
+        led: bool = True,
+    ) -> State:
         """The minimiser from a state whose prescribed displacements are right.
 
         Args:
@@ -98,11 +131,13 @@ class Minimizer:
             until: Stops early where it holds of the body's state.
             patience: Filtered steps in a row before steps that know negative curvature take over.
             prove: Whether to make sure that it is a minimum where the linear solver counts no eigenvalues.
+            led: Whether it is led on where Newton's method cannot go on by itself.
 
         Raises:
             NotConverged: With the kind of failure.
         """
         body, newton = self.body, self._newton
+        self.proven, self.saddles = None, 0
         if self.options.method == "trust-region":
             state = self._trust_region.run(state, until)
         newton.patience = patience if body.p is None else np.inf
@@ -113,9 +148,10 @@ class Minimizer:
                 found = newton.run(state, until)
                 if prove and not self.linear.inertia and self._stability.downwards(found) is not None:
                     raise Saddle("a saddle point", found)
+                self.proven = True if prove or self.linear.inertia else None
                 return found
             except LeadOn as failure:
-                if failure.state is None or (body.p is not None and not isinstance(failure, Saddle)):
+                if not led or failure.state is None or (body.p is not None and not isinstance(failure, Saddle)):
                     raise
                 state = self._led_on(failure, state, seed, until)
         newton.watchful, newton.patience, newton.suspicious = False, np.inf, False
@@ -126,6 +162,7 @@ class Minimizer:
         body, stopped = self.body, failure.state
         assert stopped is not None
         if isinstance(failure, Saddle):
+            self.saddles += 1
             direction = self._stability.downwards(stopped)
             lower = None if direction is None else escape(body, stopped, direction)
             if lower is not None:
@@ -140,4 +177,6 @@ class Minimizer:
             return self._stability.downwards(state) is not None
         self.tangent.assemble(state, RAW)
         self.linear.setup()
-        return self.linear.solve(random_forces(self.tangent), PREDICTION) is None
+        if self.linear.solve(random_forces(self.tangent), PREDICTION) is not None:
+            return False
+        return not self.body.parts.can_filter or self._stability.least(state)[0] < NEUTRAL

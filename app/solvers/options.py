@@ -16,6 +16,9 @@ class Options:
         filter: What becomes of negative eigenvalues of the tangent; "auto" filters where the raw tangent fails.
         linear: "direct", "iterative", or "auto" by size.
         smallest_step: Of an increment, relative to a recorded step.
+        follow: "minimum", or the branch of equilibria that begins at rest, stable or not: "path" as far as the load
+            rises, "arc" also where it falls.
+        arc_steps: Recorded steps of "arc", at most.
         time_limit: Seconds, or None.
         prefix: Of PETSc's options for these solvers.
     """
@@ -27,5 +30,7 @@ class Options:
     filter: Literal["auto", "none", "clamp", "absolute"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
     smallest_step: float = 1e-4
+    follow: Literal["minimum", "path", "arc"] = "minimum"
+    arc_steps: int = 50
     time_limit: float | None = None
     prefix: str = ""

@@ -1,9 +1,9 @@
-"""How a minimisation ends short, what was spent, and when the time is up."""
+"""How a minimisation ends short, what happens on a path, what was spent, and when the time is up."""
 
 import signal
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from mpi4py import MPI
 
@@ -59,6 +59,12 @@ class Stopped(NotConverged):
         super().__init__(f"stopped by {signal.Signals(number).name}", state)
 
 
+class LimitLoad(NotConverged):
+    """The branch of equilibria turns back before the load that was asked for."""
+
+    kind = "limit"
+
+
 class LeadOn(NotConverged):
     """Newton's method cannot go on by itself, but may from elsewhere."""
 
@@ -85,6 +91,20 @@ class Crawling(LeadOn):
     """Many filtered steps in a row lead nowhere."""
 
     kind = "crawling"
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened on the path.
+
+    Attributes:
+        load: Where.
+        kind: "buckled": the state lost its stability, others branch off; "snapped": the branch ended, and the body went
+            to a state far away; "limit": the load has a maximum or a minimum along the branch.
+    """
+
+    load: float
+    kind: Literal["buckled", "snapped", "limit"]
 
 
 @dataclass

@@ -142,7 +142,9 @@ class NewtonShell(Shell):
         self._unstable = unstable
         self.watchful, self.patience, self.suspicious = False, np.inf, False
         self._found: State | None = None
-        self.linear = choose(tangent, self.snes.getKSP(), count, options.linear)
+        # A branch is followed through tangents that no iterative method is for.
+        linear = options.linear if options.follow == "minimum" else "direct"
+        self.linear = choose(tangent, self.snes.getKSP(), count, linear)
         self.snes.setJacobian(self._jacobian, tangent.matrix)
         self.snes.setType("python")
         self.snes.setPythonContext(self)

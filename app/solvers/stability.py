@@ -18,6 +18,13 @@ from elastune.forms.terms import RAW, Convexity
 # Weight of the volume strains of incompressible bodies, over the shear modulus.
 PENALTY = 1e4
 
+# Two eigenvalues are alike if one is this share of the other; a motion goes along an axis if so much of it does.
+ALIKE, ALONG = 0.8, 1e-2
+
+# Of a state that may be moved without a force, such as a bent round column about its axis, θ is zero but for rounding
+# and the mesh; what is above this is no loss of stability.
+NEUTRAL = -1e-4
+
 
 class Stability:
     """The least eigenvalue θ of K x = θ K₊ x, K the true tangent of the displacements and K₊ a convex one.
@@ -37,48 +44,90 @@ class Stability:
         """
         self.body, self._tangent, self._linear = tangent.body, tangent, linear
         self._last: Array | None = None
-        self._known: tuple[int, Array | None] | None = None
+        self._known: tuple[int, float, Array] | None = None
 
     @cached_property
     def _filtered(self) -> Tangent:
         return Tangent(self.body)
 
     def downwards(self, state: State) -> Array | None:
-        """The direction in which Π curves downwards most, a vector whose largest entry is one; None if it does not.
+        """The direction in which Π curves downwards most, a vector whose largest entry is one; None of a minimum.
+
+        Args:
+            state: In balance, or nearly so.
+        """
+        theta, direction = self.least(state)
+        return direction if theta < NEUTRAL else None
+
+    def least(self, state: State) -> tuple[float, Array]:
+        """θ, one where nobody can tell, and its direction, a vector whose largest entry is one.
 
         Args:
             state: In balance, or nearly so.
         """
         body = self.body
         if not (body.conservative and body.parts.can_filter):
-            return None
+            return 1.0, np.zeros(body.layout.owned)
         # The iterate before the last tells as much, and is there already.
         at = self._tangent.state if self._tangent.settled else state
         assert at is not None
-        if self._known is not None and self._known[0] == at.stamp:
-            return self._known[1]
-        if self._tangent.state is not at or self._tangent.convexity != RAW:
-            self._tangent.assemble(at, RAW)
-        self._known = at.stamp, self._found(at)
-        return self._known[1]
+        if self._known is None or self._known[0] != at.stamp:
+            if self._tangent.state is not at or self._tangent.convexity != RAW:
+                self._tangent.assemble(at, RAW)
+            theta, found = self._found(at)
+            self._known = at.stamp, theta, body.layout.joined(self._unit(found))
+        return self._known[1:]
 
-    def _found(self, at: State) -> Array | None:
+    def valley(self, state: State) -> Array:
+        """The direction in which Π curves downwards most; of two that are alike, what goes along x most.
+
+        The sense is that of x too, or y, or z where it does not go along the ones before: the same on any number of
+        ranks, and whatever the numbers of the nodes.
+
+        Args:
+            state: In balance, and no minimum.
+        """
+        body = self.body
+        theta, first = self.least(state)
+        K, filtered = self._operator(self._tangent), self._operator(self._filtered)
+        own = body.layout.split(first)[0]
+        own = own / np.sqrt(body.layout.dot(own, filtered(own)))
+        image = filtered(own)
+
+        # The first one lifted out of the way.
+        def lifted(v: Array) -> Array:
+            return K(v) - 2 * theta * body.layout.dot(image, v) * image
+
+        precondition = self._precondition()
+        other, second = least(lifted, filtered, precondition, precondition(self._at_random()), body.layout.dot)
+        modes = [own, second] if other < ALIKE * theta else [own]
+        for axis in range(body.dimension):
+            along = np.zeros_like(own)
+            along[axis :: body.dimension] = 1.0
+            along[self._held] = 0.0
+            shares = [body.layout.dot(along, mode) / np.sqrt(body.layout.dot(mode, mode)) for mode in modes]
+            if np.linalg.norm(shares) > ALONG * body.layout.norm(along):
+                return body.layout.joined(sum(share * mode for share, mode in zip(shares, modes, strict=True)))
+        return body.layout.joined(own * np.sign(body.layout.dot(own, self._at_random())))
+
+    def _unit(self, displacements: Array) -> Array:
+        return displacements / self.body.comm.allreduce(float(np.abs(displacements).max(initial=0.0)), op=MPI.MAX)
+
+    def _found(self, at: State) -> tuple[float, Array]:
         body = self.body
         self._filtered.assemble(at, Convexity("clamp"), only_convex=True)
         K, filtered = self._operator(self._tangent), self._operator(self._filtered)
         start = self._at_random()
         image, other = K(start), filtered(start)
         if body.layout.norm(image - other) <= 1e-12 * body.layout.norm(other):
-            return None
+            return 1.0, start
         self._linear.setup()
         precondition = self._precondition()
         # Forces without order move a body along its soft modes above all.
         start = precondition(start) + (0.0 if self._last is None else self._last)
         theta, found = least(K, filtered, precondition, start, body.layout.dot)
         self._last = found / body.layout.norm(found) * body.layout.norm(start)
-        if theta >= 0:
-            return None
-        return body.layout.joined(found / body.comm.allreduce(float(np.abs(found).max(initial=0.0)), op=MPI.MAX))
+        return theta, found
 
     def _at_random(self) -> Array:
         random = 2 * noise(self.body, 0).ravel() - 1

@@ -60,6 +60,18 @@ class Case:
             return False
         return all(part.extension is None for part in self.body.parts)
 
+    @property
+    def limit(self) -> bool:
+        """Whether no equilibrium is beyond, however it is looked for."""
+        return self.kind == "limit"
+
+    @property
+    def can_follow_an_arc(self) -> bool:
+        """Whether `follow = "arc"` takes the scene."""
+        options = self.options
+        once = len(self.body.stages) == 1 and not self.started
+        return once and options.linear != "iterative" and options.follow != "arc"
+
     @cached_property
     def undefined(self) -> Part | None:
         """A part whose energy ends at J = 0, and can be continued."""
@@ -87,23 +99,31 @@ class Advice(NamedTuple):
 # The most promising first.
 ADVICE = (
     Advice(
+        lambda at: at.limit and at.can_follow_an_arc,
+        lambda at: 'set solve.follow = "arc", which goes on through limits',
+    ),
+    Advice(
+        lambda at: at.limit,
+        lambda at: "prescribe a motion instead of the load",
+    ),
+    Advice(
         lambda at: at.kind == "undefined" and at.undefined is not None and at.body.parts.can_filter and not at.mixed,
         lambda at: f"set {at.undefined.key}.extension = 0.25, which continues the energy through J = 0",  # type: ignore[union-attr]
     ),
     Advice(
-        lambda at: bool(at.found["unbounded_below"]),
+        lambda at: bool(at.found["unbounded_below"]) and not at.limit,
         lambda at: "take another material or a smaller load: this energy has no minimum to find",
     ),
     Advice(
-        lambda at: bool(at.found["ellipticity"] < 0),
+        lambda at: bool(at.found["ellipticity"] < 0) and not at.limit,
         lambda at: "take another material: this one loses ellipticity there, and the mesh decides what folds",
     ),
     Advice(
-        lambda at: bool(at.found["locking"]) and at.element is not None,
+        lambda at: bool(at.found["locking"]) and at.element is not None and not at.limit,
         lambda at: instead(at),
     ),
     Advice(
-        lambda at: not at.body.parts.can_filter,
+        lambda at: not (at.body.parts.can_filter or at.limit),
         lambda at: 'set solve.assembly = "spectral", whose tangent can be filtered',
     ),
     Advice(
@@ -115,13 +135,14 @@ ADVICE = (
         lambda at: f"raise solve.max_iterations above {at.options.max_iterations}",
     ),
     Advice(
-        lambda at: not at.started and at.kind != "time",
+        lambda at: not at.started and at.kind != "time" and not at.limit,
         lambda at: f"raise solve.steps above {at.options.steps}, or lower solve.smallest_step",
     ),
     Advice(
         lambda at: (
             at.kind in ("stalled", "iterations", "indefinite")
             and at.options.method == "line-search"
+            and at.options.follow == "minimum"
             and not at.mixed
             and at.body.conservative
             and at.body.parts.can_filter

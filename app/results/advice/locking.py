@@ -30,8 +30,8 @@ class Locking:
     """What was seen of it.
 
     Attributes:
-        factor: How much too stiff it makes the body: forces under prescribed motions are so much too large, motions under
-            loads so much too small.
+        factor: How much too stiff it makes the body: forces under prescribed motions are so much too large, motions
+            under loads so much too small.
         share: Of the strain energy that is in volume changes which neighbouring cells undo; –.
         nu: Poisson's ratio of the part that has most of it.
         region: Of that part, or None.

@@ -39,6 +39,12 @@ class Solve(Table):
     smallest_step: PositiveFloat = Field(
         default=Options.smallest_step, description="how far load steps are cut back before a run gives up; –"
     )
+    follow: Literal["minimum", "path", "arc"] = Field(
+        default="minimum",
+        description='states of least energy; or the branch that begins at rest, stable or not: "path" as far as the '
+        'load rises, "arc" through its limits',
+    )
+    arc_steps: Count = Field(default=Options.arc_steps, description='recorded steps of follow = "arc", at most; –')
     free: bool = Field(
         default=False, description="whether rigid motions may be left that nothing holds and no load works on"
     )

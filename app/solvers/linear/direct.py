@@ -33,7 +33,11 @@ class Direct(LinearSolver):
 
     def _usable(self, reason: int) -> bool:
         # Without eigenvalues counted, a factorisation that went well is all there is to know.
-        return reason > 0 and (not self._counts() or self._negative() == self.tangent.body.layout.total_pressures)
+        return reason > 0 and (not self._counts() or self.surplus() == 0)
+
+    def surplus(self) -> int | None:
+        """Negative eigenvalues of the tangent that was solved with last, those of pressures aside; None without."""
+        return self._negative() - self.tangent.body.layout.total_pressures if self._counts() else None
 
     def _counts(self) -> bool:
         pc = self.ksp.getPC()

@@ -54,12 +54,13 @@ class LinearSolver:
         """Takes the tangent as it is assembled now."""
         self.ksp.setOperators(self.tangent.matrix)
 
-    def solve(self, rhs: Array, rtol: float) -> Direction | None:
+    def solve(self, rhs: Array, rtol: float, definite: bool = True) -> Direction | None:
         """Solves after `setup`.
 
         Args:
             rhs: A vector, zero where the body is held.
             rtol: Relative residual of an iterative method.
+            definite: Whether a tangent that is known not to be one of descent is of no use.
 
         Returns:
             None if the tangent turned out not to be one of descent, or the solution is of no use.
@@ -80,7 +81,7 @@ class LinearSolver:
             # A factorisation that met a singular matrix would stay failed.
             ksp.getPC().reset()
             return None
-        if not self._usable(reason):
+        if reason <= 0 if not definite else not self._usable(reason):
             return None
         step = self._y.array_r.copy()
         step[body.held] = 0.0
