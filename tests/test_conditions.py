@@ -9,7 +9,7 @@ from typing import Any
 import gmsh
 import numpy as np
 import pytest
-from bodies import made, nodal, solved
+from bodies import made, nodal, shipped, solved
 from mpi4py import MPI
 
 from elastune.app.errors import UserError
@@ -282,6 +282,18 @@ def test_expressions_are_the_same_in_numpy_and_ufl() -> None:
     expected = 2 * np.sin(np.pi * x) + y**2 / 3 - abs(z) + min(x, y) * np.arctan2(y, 1 + z) + np.log(1 + x**2) + np.e
     assert Expression(text).at(X)[0] == pytest.approx(expected, rel=1e-14)
     assert Expression(text).ufl(X[0])(()) == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_scene_that_goes_back_to_rest() -> None:
+    """The shipped one of three stages: what is released is as it was."""
+    run = shipped("inclusion", "mesh.cells=4", "solve.element=Q1")
+    rows = run.summary.steps
+    assert [(row.load, row.name) for row in rows] == [
+        (0.5, "press"), (1.0, "press"), (1.5, "shear"), (2.0, "shear"), (2.5, "release"), (3.0, "release"),
+    ]  # fmt: skip
+    assert rows[3].energy > 1e-3 and abs(rows[5].energy) < 1e-20
+    assert max(map(abs, rows[3].displacement["ball"])) > 0.1 and max(map(abs, rows[5].displacement["ball"])) < 1e-10
+    assert run.summary.materials["ball"]["E"] == pytest.approx(100.0)
 
 
 @pytest.mark.parallel
