@@ -203,3 +203,51 @@ def test_what_no_branch_can_be_followed_of(solve: dict[str, Any], tables: dict[s
     given = {**PRESSED, "material": {"name": "stable-neo-hookean", "E": 1.0, "nu": 0.3}, **tables}
     with pytest.raises(UserError, match=said):
         start(scene(given, **solve), MPI.COMM_SELF)
+
+
+# ---------------------------------------------------------------------- Lee's frame
+
+
+def frame(path: Path) -> str:
+    """Two legs of length 120 and height 2 at a right angle, in quadrilaterals with nodes on their middle lines."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    parts = [(-1, 0, 2, 119), (-1, 119, 2, 2), (1, 119, 23, 2), (24, 119, 96, 2)]
+    first, *others = [(2, gmsh.model.occ.addRectangle(x, y, 0, w, h)) for x, y, w, h in parts]
+    gmsh.model.occ.fragment([first], others)
+    gmsh.model.occ.synchronize()
+    for _, curve in gmsh.model.getEntities(1):
+        cells = max(2, round(gmsh.model.occ.getMass(1, curve) / 6))
+        gmsh.model.mesh.setTransfiniteCurve(curve, cells + 1)
+    for _, surface in gmsh.model.getEntities(2):
+        gmsh.model.mesh.setTransfiniteSurface(surface)
+        gmsh.model.mesh.setRecombine(2, surface)
+    gmsh.model.addPhysicalGroup(2, [tag for _, tag in gmsh.model.getEntities(2)], name="frame")
+    gmsh.model.mesh.generate(2)
+    gmsh.write(str(path))
+    gmsh.finalize()
+    return str(path)
+
+
+def test_a_frame_snaps_through_and_back(tmp_path: Path) -> None:
+    """Lee, Manuel & Rossow 1968: with E = 720 and a width of 3, limit loads of about 1.85 and -0.945."""
+    tables = {
+        "mesh": {"shape": "file", "path": frame(tmp_path / "frame.msh")},
+        "material": {"name": "st-venant-kirchhoff", "E": 720.0, "nu": 0.0},
+        "point": {
+            "foot": {"at": [0.0, 0.0], "fix": True},
+            "end": {"at": [120.0, 120.0], "fix": True},
+            "middle": {"at": [24.0, 120.0], "force": [0.0, -1.0]},
+        },
+        "output": {"points": {"tip": [24.0, 120.0]}},
+    }
+    run = solved(scene(tables, element="Q2", follow="arc", arc_steps=80))
+    first, second = [event.load for event in run.summary.events if event.kind == "limit"]
+    assert 3 * first == pytest.approx(1.85, rel=0.02) and 3 * second == pytest.approx(-0.945, rel=0.02)
+    sunk = -run.history["displacement_tip"][:, 1]
+    # Back on the way, which neither load nor displacement alone could be made to follow.
+    assert np.any(np.diff(sunk) < 0) and sunk.max() > 50
+    stable = [record.stable for record in run.summary.steps]
+    assert stable[0] and not stable[30]
