@@ -109,11 +109,11 @@ class Survey:
             raise
         except NotConverged:
             off = None
-        self.events.append(Event(lost, "buckled"))
         if off is not None and not self._minimizer.unstable(off):
-            self._neutral = True
-            return self._taken(off)
-        return found or self._minimum(end.state, prove)
+            self._neutral, found = True, self._taken(off)
+        found = found or self._minimum(end.state, prove)
+        self.events.append(Event(lost, "buckled"))
+        return found
 
     def _first(self, stable: State, unstable: Point) -> float:
         """The load at which the states between two of a branch lose their stability, to a few hundredths of the way."""
