@@ -495,7 +495,7 @@ def test_a_run_leaves_summary_history_and_fields(tmp_path: Path) -> None:
     document = json.loads((folder / "summary.json").read_text())
     assert list(document) == [
         "scene", "status", "failure", "material", "element", "cells", "dofs", "ranks",
-        "steps", "wall_s", "peak_memory_mb", "versions", "materials",
+        "steps", "wall_s", "peak_memory_mb", "versions", "materials", "events", "locking",
     ]  # fmt: skip
     assert {"elastune", "dolfinx", "petsc", "python"} <= set(document["versions"])
     assert all(version[0].isdigit() for version in document["versions"].values())
