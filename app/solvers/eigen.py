@@ -13,9 +13,14 @@ LONGEST, SHORTEST, ACCURACY, ZERO = 300, 4, 0.2, 2e-5
 
 
 def least(
-    K: Operator, M: Operator, P: Operator, start: Array, dot: Callable[[Array, Array], float]
+    K: Operator,
+    M: Operator,
+    P: Operator,
+    start: Array,
+    dot: Callable[[Array, Array], float],
+    accuracy: float = ACCURACY,
 ) -> tuple[float, Array]:
-    """The least eigenvalue of K x = θ M x, to a digit, and its vector.
+    """The least eigenvalue of K x = θ M x, to a digit unless asked for more, and its vector.
 
     By the locally optimal conjugate gradient method (Knyazev 2001, SIAM J. Sci. Comput. 23:517). SLEPc has it too, but
     tests residuals by their Euclidean norm, in which those of soft modes drown in those of stiff ones; here it is the
@@ -27,6 +32,7 @@ def least(
         P: Near the inverse of M or K.
         start: With a share of the vector that is looked for.
         dot: Inner product over all ranks.
+        accuracy: How much of the eigenvalue its error may be.
 
     Returns:
         θ, and the vector with xᵀ M x = 1.
@@ -37,8 +43,8 @@ def least(
         residual = Kx - theta * Mx
         correction = P(residual)
         error = np.sqrt(abs(dot(residual, correction)))
-        settled = previous < 0 and abs(theta - previous) <= 1e-3 * abs(theta)
-        if iteration >= SHORTEST and (settled or error <= max(ACCURACY * abs(theta), ZERO)):
+        settled = previous < 0 and abs(theta - previous) <= 5e-3 * accuracy * abs(theta)
+        if iteration >= SHORTEST and (settled or error <= max(accuracy * abs(theta), ZERO)):
             break
         previous = theta
         basis = [x, correction, *([] if direction is None else [direction])]

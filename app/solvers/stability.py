@@ -19,7 +19,10 @@ from elastune.forms.terms import RAW, Convexity
 PENALTY = 1e4
 
 # Two eigenvalues are alike if one is this share of the other; a motion goes along an axis if so much of it does.
-ALIKE, ALONG = 0.8, 1e-2
+ALIKE, ALONG = 0.9, 1e-2
+
+# How much of an eigenvalue its error may be where two are compared.
+FINE = 1e-2
 
 # Of a state that may be moved without a force, such as a bent round column about its axis, θ is zero but for rounding
 # and the mesh; what is above this is no loss of stability.
@@ -88,18 +91,19 @@ class Stability:
             state: In balance, and no minimum.
         """
         body = self.body
-        theta, first = self.least(state)
+        _, first = self.least(state)
         K, filtered = self._operator(self._tangent), self._operator(self._filtered)
         own = body.layout.split(first)[0]
-        own = own / np.sqrt(body.layout.dot(own, filtered(own)))
+        precondition = self._precondition()
+        theta, own = least(K, filtered, precondition, own, body.layout.dot, FINE)
         image = filtered(own)
 
         # The first one lifted out of the way.
         def lifted(v: Array) -> Array:
             return K(v) - 2 * theta * body.layout.dot(image, v) * image
 
-        precondition = self._precondition()
-        other, second = least(lifted, filtered, precondition, precondition(self._at_random()), body.layout.dot)
+        start = precondition(self._at_random())
+        other, second = least(lifted, filtered, precondition, start, body.layout.dot, FINE)
         modes = [own, second] if other < ALIKE * theta else [own]
         for axis in range(body.dimension):
             along = np.zeros_like(own)
