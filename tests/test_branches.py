@@ -80,6 +80,15 @@ def test_a_body_that_leaves_it_is_told() -> None:
     assert quiet.summary.events == [] and all(record.stable for record in quiet.summary.steps)
 
 
+@pytest.mark.parametrize("solve", [{"assembly": "ufl"}, {"linear": "iterative"}], ids=["ufl", "multigrid"])
+def test_it_is_told_by_any_assembly_and_solver(solve: dict[str, Any]) -> None:
+    """Where nobody knows a way off, the state is not called one of least energy."""
+    run = solved(scene(PRESSED, steps=20, **solve))
+    assert "buckled" in kinds(run) and run.summary.events[0].load <= 0.1
+    left = nodal(run.body).min() < -3
+    assert left or not any(record.stable for record in run.summary.steps[1:])
+
+
 # ---------------------------------------------------------------------- columns
 
 
@@ -171,6 +180,11 @@ def test_a_ball_has_a_limit_load(inflated: dict[str, Any]) -> None:
     )
     assert run.summary.events[-1].kind == "limit" and run.summary.steps[-1].load == failure.load
     assert sum(record.newton_iterations for record in run.summary.steps) <= 150
+
+
+def test_a_limit_is_told_once(inflated: dict[str, Any]) -> None:
+    run = ended(scene(inflated, element="P2-P1", steps=5, follow="path"))
+    assert run.summary.failure is not None and run.summary.failure.kind == "limit" and kinds(run) == ["limit"]
 
 
 def test_a_ball_beyond_its_limit_load(inflated: dict[str, Any]) -> None:

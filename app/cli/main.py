@@ -90,10 +90,11 @@ def _scenes(options: Any, petsc: list[str]) -> int:
         from elastune.app.cli.console import console
         from elastune.app.scene.keys import keys
 
+        screen = console()
         for key in keys():
             unit = f" [{key.unit}]" if key.unit else ""
-            console().print(f"{key.path} = {key.default}", style="bold", markup=False)
-            console().print(f"    {key.meaning}{unit}: {key.kind}", markup=False)
+            screen.print(f"{key.path} = {key.default}", style="bold", markup=False)
+            screen.print(f"    {key.meaning}{unit}: {key.kind}", markup=False)
         return OK
     if options.schema:
         import json

@@ -28,39 +28,40 @@ def along(minimizer: Minimizer, branch: Branch, steps: Sequence[Step], report: R
         PathFailure: If the branch cannot be followed; if it turns back where it is to lead on.
     """
     count, number, events = minimizer.count, 0, list[Event]()
+    through = minimizer.options.follow == "arc"
     point, recorded = branch.balanced(State(np.zeros(minimizer.body.layout.owned))), 0.0
 
     def reached(name: str) -> Reached:
         minimizer.body.take(point.state)
+        happened = tuple(events)
+        events.clear()
         stable = None if point.negative is None else point.negative == 0
-        return Reached(number, name, point.state, count.newton, count.linear, stable, tuple(events))
+        return Reached(number, name, point.state, count.newton, count.linear, stable, happened)
 
     for step in steps:
-        for goal in step.goals():
+        for goal in [step.end] if through else step.goals():
             try:
-                for following in _points(branch, point, step, goal, minimizer.options.follow == "arc"):
+                for following in _points(branch, point, step, goal, through):
                     events += _events(branch, point, following)
                     point = following
                     if report is not None:
                         report(point.state.load, count.newton)
-                    if minimizer.options.follow == "arc" or point.state.load == goal:
+                    if through or point.state.load == goal:
                         number, recorded = number + 1, point.state.load
                         yield reached(step.name)
                         count.newton = count.linear = 0
-                        events.clear()
-                    if minimizer.options.follow == "arc" and number == minimizer.options.arc_steps:
+                    if through and number == minimizer.options.arc_steps:
                         return
             except NotConverged as failure:
-                if isinstance(failure, LimitLoad) and failure.state is not None:
-                    events.append(Event(failure.state.load, "limit"))
+                load = goal
+                if isinstance(failure, LimitLoad):
+                    load = failure.state.load
+                    events.append(Event(load, "limit"))
                 if point.state.load != recorded:
                     number += 1
                     yield reached(step.name)
                 minimizer.body.take(point.state)
-                load = failure.state.load if isinstance(failure, LimitLoad) and failure.state is not None else goal
                 raise PathFailure(failure, load, events) from None
-            if minimizer.options.follow == "arc":
-                return
 
 
 def _points(branch: Branch, point: Point, step: Step, goal: float, through: bool) -> Iterator[Point]:
@@ -69,14 +70,14 @@ def _points(branch: Branch, point: Point, step: Step, goal: float, through: bool
         yield from branch.toward(point.state, goal)
         return
     length = (step.end - step.start) / step.parts / point.direction.load
-    yield from branch.on(point, step.end, length, GROWN * length, through=True)
+    yield from branch.on(point, goal, length, GROWN * length, through=True)
 
 
 def _events(branch: Branch, one: Point, other: Point) -> list[Event]:
     """What happened between two points of a branch."""
-    found = []
+    found: list[Event] = []
     if one.direction.load * other.direction.load < 0:
         found.append(Event(branch.turn(one, other).state.load, "limit"))
     elif one.negative == 0 and other.negative:
         found.append(Event(other.state.load, "buckled"))
-    return found  # type: ignore[return-value]
+    return found

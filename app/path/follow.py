@@ -16,7 +16,7 @@ from elastune.app.path.steps import PathFailure, Reached, Report, Step
 from elastune.app.path.survey import Survey
 from elastune.app.solvers.minimizer import Minimizer
 from elastune.app.solvers.options import Options
-from elastune.app.solvers.outcome import Event, LimitLoad, NotConverged, OutOfTime, Stopped
+from elastune.app.solvers.outcome import Event, Failed, LimitLoad, NotConverged
 
 
 def check_follow(options: Options, started: bool, stages: int) -> None:
@@ -93,10 +93,10 @@ def follow(
                 except NotConverged as failure:
                     size = (target - state.load) / 2
                     too_small = abs(size) < options.smallest_step * abs(largest)
-                    if isinstance(failure, LimitLoad) and failure.state is not None:
+                    if isinstance(failure, LimitLoad):
                         too_small, state = True, failure.state
                         survey.events.append(Event(state.load, "limit"))
-                    if start is not None or isinstance(failure, OutOfTime | Stopped) or too_small:
+                    if start is not None or not isinstance(failure, Failed) or too_small:
                         if state.load != recorded:
                             yield reached(step.name)
                         body.take(state)

@@ -7,7 +7,7 @@ from elastune.app.path.blend import Blend
 from elastune.app.path.predict import predict
 from elastune.app.solvers.branches.corrector import Point
 from elastune.app.solvers.minimizer import Minimizer
-from elastune.app.solvers.outcome import Event, LimitLoad, NotConverged, OutOfTime, Stopped
+from elastune.app.solvers.outcome import Event, Failed, LimitLoad
 
 # Points of a branch that are looked at on the way to a load.
 LOOKED_AT = 20
@@ -55,26 +55,30 @@ class Survey:
         Raises:
             NotConverged: If there is none, or none was found.
         """
-        if self._branch is None:
-            return self._minimum(predict(self._minimizer, self._blend, state, load), prove)
+        # What only moves always ends somewhere: there is no need to look where Newton's method cannot go on.
+        looks = self._branch is not None and self._loaded
         found = None
         if not self._neutral:
             try:
                 guess = predict(self._minimizer, self._blend, state, load)
-                # What only moves always ends somewhere: there is no need to look where Newton's method cannot go on.
-                found = self._minimum(guess, prove, led=not self._loaded)
+                found = self._minimum(guess, prove, led=not looks)
+            except Failed:
+                if not looks:
+                    raise
+            else:
                 if self._minimizer.saddles:
                     self.events.append(Event(load, "buckled"))
                     return found
-                whole, rest = guess.values - state.values, found.values - guess.values
-                if self._branch.dot(rest, rest) <= FAR**2 * self._branch.dot(whole, whole):
+                if not self._far(state, guess, found):
                     return found
-            except (OutOfTime, Stopped):
-                raise
-            except NotConverged:
-                if not self._loaded:
-                    raise
         return self._looked_at(state, load, found, prove)
+
+    def _far(self, state: State, guess: State, found: State) -> bool:
+        """Whether a state is farther from its prediction than that is from the state before; no where nobody looks."""
+        if self._branch is None:
+            return False
+        whole, rest = guess.values - state.values, found.values - guess.values
+        return self._branch.dot(rest, rest) > FAR**2 * self._branch.dot(whole, whole)
 
     def _minimum(self, guess: State, prove: bool, led: bool = True) -> State:
         found = self._minimizer.minimize(guess, prove=prove, led=led)
@@ -92,11 +96,9 @@ class Survey:
                 before = end.state
         except LimitLoad as limit:
             found = found or self._beyond(limit, state, load, prove)
-            self.events.append(Event(limit.state.load if limit.state else load, "snapped"))
+            self.events.append(Event(limit.state.load, "snapped"))
             return found
-        except (OutOfTime, Stopped):
-            raise
-        except NotConverged:
+        except Failed:
             end = None
         if end is None or end.state.load != load:
             # The branch does not tell.
@@ -105,9 +107,7 @@ class Survey:
             return self._taken(end)
         try:
             off = self._minimizer.off(end)
-        except (OutOfTime, Stopped):
-            raise
-        except NotConverged:
+        except Failed:
             off = None
         if off is not None and not self._minimizer.unstable(off):
             self._neutral, found = True, self._taken(off)
@@ -123,9 +123,7 @@ class Survey:
             middle = State((low.values + high.values) / 2, (low.load + high.load) / 2)
             try:
                 found = self._branch.at(middle)
-            except (OutOfTime, Stopped):
-                raise
-            except NotConverged:
+            except Failed:
                 break
             low, high = (low, found.state) if found.negative else (found.state, high)
         return high.load
@@ -133,13 +131,11 @@ class Survey:
     def _beyond(self, limit: LimitLoad, state: State, load: float, prove: bool) -> State:
         """A state far from where the branch ended; under loads there may be none."""
         body = self._minimizer.body
-        if limit.state is None or not self._loaded:
+        if not self._loaded:
             return self._minimum(predict(self._minimizer, self._blend, state, load), prove)
         try:
             return self._minimum(body.placed(limit.state.values, load), prove, led=False)
-        except (OutOfTime, Stopped):
-            raise
-        except NotConverged:
+        except Failed:
             raise limit from None
 
     def _taken(self, point: Point) -> State:

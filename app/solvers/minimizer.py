@@ -17,7 +17,7 @@ from elastune.app.solvers.newton import ladder
 from elastune.app.solvers.options import Options
 from elastune.app.solvers.outcome import Count, Deadline, Indefinite, LeadOn, Saddle
 from elastune.app.solvers.snes import NewtonShell, Until
-from elastune.app.solvers.stability import NEUTRAL, Stability, random_forces
+from elastune.app.solvers.stability import Stability, random_forces
 from elastune.app.solvers.tangent import Tangent
 from elastune.app.solvers.trust_region import TrustRegion
 from elastune.forms.terms import RAW
@@ -105,7 +105,7 @@ class Minimizer:
 
     def unstable(self, point: Point) -> bool:
         """Whether a point of a branch is no minimum, by more than rounding; no where nobody counts eigenvalues."""
-        return bool(point.negative) and self._stability.least(point.state)[0] < NEUTRAL
+        return bool(point.negative) and self._lost(point.state)
 
     def off(self, point: Point) -> Point:
         """The state at the same load on the branch that leads off an unstable point along its softest motion.
@@ -114,6 +114,8 @@ class Minimizer:
             NotConverged: If there is none that can be followed.
         """
         assert self.branch is not None
+        if not self.body.parts.can_filter:
+            raise Indefinite("no direction is known in which the energy falls", point.state)
         return self.branch.off(point.state, self._stability.valley(point.state), point.state.load)
 
     def minimize(
@@ -177,6 +179,8 @@ class Minimizer:
             return self._stability.downwards(state) is not None
         self.tangent.assemble(state, RAW)
         self.linear.setup()
-        if self.linear.solve(random_forces(self.tangent), PREDICTION) is not None:
-            return False
-        return not self.body.parts.can_filter or self._stability.least(state)[0] < NEUTRAL
+        return self.linear.solve(random_forces(self.tangent), PREDICTION) is None and self._lost(state)
+
+    def _lost(self, state: State) -> bool:
+        """Whether a negative eigenvalue that was counted is more than rounding."""
+        return not self.body.parts.can_filter or self._stability.downwards(state) is not None

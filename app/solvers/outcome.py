@@ -26,19 +26,23 @@ class NotConverged(Exception):
         self.state = state
 
 
-class Undefined(NotConverged):
+class Failed(NotConverged):
+    """This way no state was found: another may be tried."""
+
+
+class Undefined(Failed):
     """The energy or the forces are not finite where a step has to start."""
 
     kind = "undefined"
 
 
-class TooManySteps(NotConverged):
+class TooManySteps(Failed):
     """Newton's method has had its steps."""
 
     kind = "iterations"
 
 
-class LinearFailure(NotConverged):
+class LinearFailure(Failed):
     """The linear solver broke down."""
 
     kind = "linear"
@@ -59,13 +63,17 @@ class Stopped(NotConverged):
         super().__init__(f"stopped by {signal.Signals(number).name}", state)
 
 
-class LimitLoad(NotConverged):
-    """The branch of equilibria turns back before the load that was asked for."""
+class LimitLoad(Failed):
+    """The branch of equilibria turns back before the load that was asked for; its state is where."""
 
     kind = "limit"
+    state: State
+
+    def __init__(self, message: str, state: State) -> None:
+        super().__init__(message, state)
 
 
-class LeadOn(NotConverged):
+class LeadOn(Failed):
     """Newton's method cannot go on by itself, but may from elsewhere."""
 
 

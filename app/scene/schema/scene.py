@@ -99,8 +99,7 @@ def _reason(scene: Scene, material: Material, error: MaterialError) -> MaterialE
         energy_of(material, mixed=True)
     except MaterialError as first:
         return first
-    keys = ["start"] if scene.start is not None else []
-    keys += [key for key, value, only in unmixed_keys(scene) if value != only]
+    keys = _unmixed(scene)
     return f"nu: must be below 0.5 with {keys[0]}, which mixed elements do not have, got 0.5" if keys else error
 
 
@@ -124,10 +123,16 @@ def unmixed_keys(scene: Scene) -> tuple[tuple[str, Any, Any], ...]:
     )
 
 
+def _unmixed(scene: Scene) -> list[str]:
+    """What a scene says that mixed elements do not have."""
+    start = [] if scene.start is None else ["start"]
+    return start + [key for key, value, only in unmixed_keys(scene) if value != only]
+
+
 def _near_incompressible(scene: Scene) -> bool:
     """Whether "auto" is to take a mixed element: where a material needs one, and all can be had with one."""
     given = list(scene.materials.values())
-    if scene.start is not None or any(value != only for _, value, only in unmixed_keys(scene)):
+    if _unmixed(scene):
         return False
     if all(material.nu is not None and material.nu < MIXED_FROM for material in given):
         return False

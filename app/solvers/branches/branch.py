@@ -7,7 +7,7 @@ import numpy as np
 
 from elastune.app.body.unknowns import Array, State
 from elastune.app.solvers.branches.corrector import Corrector, Direction, Point
-from elastune.app.solvers.outcome import LimitLoad, NotConverged, OutOfTime, Stalled, Stopped
+from elastune.app.solvers.outcome import Failed, LimitLoad, Stalled
 
 # Newton steps that a step's length is chosen for, and how much longer it gets at most.
 WANTED, GROWTH = 4, 2.0
@@ -97,9 +97,7 @@ class Branch(Corrector):
         while True:
             try:
                 following, steps = self._ahead(point, length)
-            except (OutOfTime, Stopped):
-                raise
-            except NotConverged:
+            except Failed:
                 if length < SHORTEST * longest:
                     raise
                 length /= 2
@@ -117,9 +115,7 @@ class Branch(Corrector):
             share = one.direction.load / (one.direction.load - other.direction.load)
             try:
                 found, _ = self._ahead(one, share * length)
-            except (OutOfTime, Stopped):
-                raise
-            except NotConverged:
+            except Failed:
                 return one
             if found.direction.load * one.direction.load > 0:
                 one = found
@@ -146,9 +142,7 @@ class Branch(Corrector):
                 for found in islice(self.on(self.point(start, across), load, amplitude, LARGEST), LONG_WAY):
                     if found.state.load == load:
                         return found
-            except (OutOfTime, Stopped):
-                raise
-            except NotConverged:
+            except Failed:
                 pass
         raise Stalled("the branch that leads off does not lead to the load", state)
 
